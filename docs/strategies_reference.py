@@ -5,7 +5,7 @@ from __future__ import annotations
 from attrito.library import loading
 from attrito.library.description import describe
 
-HEADINGS = ("strategy", "start and path of Newton's method", "where it is tried", "cost at most")
+HEADINGS = ("strategy", "start and path of Newton's method", "where it is tried", "cost at most", "on a long series")
 
 
 def as_markdown() -> str:

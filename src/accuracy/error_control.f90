@@ -16,6 +16,7 @@ module attrito_accuracy_error_control
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_continuation_sweep, only: sweep_type
   use attrito_solve_strategies, only: solve_by_strategies
+  use attrito_solve_strategy_outcome, only: evidence_type
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   implicit none
@@ -34,6 +35,8 @@ module attrito_accuracy_error_control
   integer, parameter :: most_refinements = 8 ! conventional
   !> Longest series that an estimate which is not sure is held against, in units of the present one: more is not known to be needed
   integer, parameter :: most_growth = 2 ! guess
+  !> Longer series are long: Newton's method costs much there, and from far away it is given up early
+  integer, parameter :: long_series = 20 ! guess
 
   !> Part of the frequency by which a finer series moves a point at most: beyond, it is another
   real(wp), parameter :: farthest = 0.2_wp ! guess
@@ -113,28 +116,47 @@ contains
     real(wp), intent(in) :: omega
 
     call take_resolution_chosen(self, solver)
-    call solve_by_strategies(solver, omega)
-    if (.not. solver%report%converged) call solve_on_short_series(self, solver, omega)
+    if (self%choose_harmonics) then
+      call solve_on_some_series(self, solver, omega)
+    else
+      call solve_by_strategies(solver, omega)
+    end if
     call refine(self, solver)
   end subroutine solve_at
 
-  !> Where a long series has no solution, or none was found: try a short one, from which `refine` goes on. Not where there is no
-  !> periodic motion at all.
-  subroutine solve_on_short_series(self, solver, omega)
+  !> A series may have no solution, and every strategy is dear on a long one: there those of little cost are tried. Then all are on a
+  !> short series, then on the shortest: `refine` goes on from there. No periodic motion ends the search. A point that fails leaves
+  !> the series as it was.
+  subroutine solve_on_some_series(self, solver, omega)
     class(error_control_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    integer :: harmonics, iterations
+    type(snapshot_type) :: before
+    type(evidence_type) :: previous
+    integer :: lengths(3), samples, iterations, i
 
-    harmonics = max(self%fewest_harmonics, short_series)
-    if (.not. self%choose_harmonics .or. solver%options%harmonics <= harmonics .or. solver%evidence%no_periodic_solution) return
-    iterations = solver%report%iterations
-    call solver%set_resolution(harmonics, max(self%fewest_samples, 6*harmonics + 2))
-    call solve_by_strategies(solver, omega)
-    solver%report%iterations = solver%report%iterations + iterations
-  end subroutine solve_on_short_series
+    before = snapshot_of(solver)
+    previous = solver%evidence
+    samples = solver%options%samples
+    lengths = [solver%options%harmonics, max(self%fewest_harmonics, short_series), self%fewest_harmonics]
+    iterations = 0
+    do i = 1, size(lengths)
+      if (i > 1) then
+        if (lengths(i) >= solver%options%harmonics) cycle
+        call solver%set_resolution(lengths(i), max(self%fewest_samples, 6*lengths(i) + 2))
+        solver%evidence = previous
+      end if
+      call solve_by_strategies(solver, omega, is_long=lengths(i) > long_series)
+      iterations = iterations + solver%report%iterations
+      if (solver%report%converged .or. solver%evidence%no_periodic_solution) exit
+    end do
+    solver%report%iterations = iterations
+    if (solver%report%converged) return
+    call solver%set_resolution(lengths(1), samples)
+    if (.not. solver%evidence%is_drifting) call restore(solver, before)
+  end subroutine solve_on_some_series
 
   !> What the last point asked for the next one.
   subroutine take_resolution_chosen(self, solver)
@@ -153,17 +175,19 @@ contains
     type(solver_type), intent(inout) :: solver
     type(finer_point_type) :: finer
     real(wp), allocatable :: shorter(:, :)
-    integer :: attempt, harmonics, samples, iterations
-    logical :: better, was_sure
+    integer :: attempt, harmonics, samples, iterations, unsettled
+    logical :: better, was_sure, can_leap
 
     was_sure = .true.
+    can_leap = .true.
+    unsettled = 0
     iterations = solver%report%iterations
     self%next_harmonics = 0
     do attempt = 0, most_refinements
       call self%estimate(solver, solver%report%converged, finer)
       if (.not. (solver%report%converged .and. self%errors%are_known())) exit
       if (.not. (self%choose_harmonics .or. self%choose_samples)) exit
-      if (allocated(shorter) .and. .not. self%estimator%is_sure) call compare(self, solver, shorter)
+      if (allocated(shorter) .and. .not. self%estimator%is_sure) call compare(self, solver, shorter, unsettled)
       harmonics = needed_harmonics(self, solver, finer)
       samples = needed_samples(self, solver, harmonics)
       ! A series on which estimates are not sure would be solved in vain.
@@ -172,15 +196,17 @@ contains
       if ((accepted(self) .and. self%estimator%is_sure) .or. attempt == most_refinements) exit
       harmonics = max(harmonics, solver%options%harmonics)
       samples = max(samples, solver%options%samples)
+      unsettled = 0
       if (self%choose_harmonics .and. .not. self%estimator%is_sure) then
         was_sure = was_sure .and. self%estimator%is_stiff
+        unsettled = min(self%estimator%unsettled, most_harmonics)
         harmonics = min(harmonics, most_growth*solver%options%harmonics)
-        harmonics = min(max(harmonics, next_longer(solver%options%harmonics), self%estimator%unsettled), most_harmonics)
+        harmonics = min(max(harmonics, next_longer(solver%options%harmonics), unsettled), most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
       end if
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
       shorter = own_monitors(solver)
-      call solve_finer(solver, finer, harmonics, samples, iterations, better)
+      call leap_or_step(self, solver, finer, harmonics, samples, can_leap, iterations, better)
       if (.not. better) then
         ! The next point had better begin with a series that has a solution.
         self%next_harmonics = solver%options%harmonics
@@ -194,16 +220,48 @@ contains
     solver%report%iterations = iterations
   end subroutine refine
 
-  !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted.
-  subroutine compare(self, solver, shorter)
+  !> Solve the point again on the series that is asked for; if that fails, on the next longer one. A leap to a series that is long and
+  !> far gives Newton's method little to start from, and much to do: it is given up early, and none is tried at this point any more.
+  subroutine leap_or_step(self, solver, finer, harmonics, samples, can_leap, iterations, better)
+    type(error_control_type), intent(in) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Point by the finer balance, to first order
+    type(finer_point_type), intent(in) :: finer
+    !> Highest harmonic, H, and samples a period, J, that are asked for
+    integer, intent(in) :: harmonics, samples
+    !> Has no leap failed at this point?
+    logical, intent(inout) :: can_leap
+    !> Counts on
+    integer, intent(inout) :: iterations
+    !> Is there a finer point?
+    logical, intent(out) :: better
+    integer :: step
+    logical :: is_leap
+
+    step = next_longer(solver%options%harmonics)
+    is_leap = harmonics > max(step, long_series)
+    better = .false.
+    if (can_leap .or. .not. is_leap) call solve_finer(solver, finer, harmonics, samples, is_leap, iterations, better)
+    if (better .or. harmonics <= step) return
+    can_leap = can_leap .and. .not. is_leap
+    call solve_finer(solver, finer, step, max(needed_samples(self, solver, step), solver%options%samples, 6*step + 2), .false., &
+                     iterations, better)
+  end subroutine leap_or_step
+
+  !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted. It says nothing
+  !> of a harmonic that both lack.
+  subroutine compare(self, solver, shorter, unsettled)
     type(error_control_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Coefficients of the monitors [k, monitors]
     real(wp), intent(in) :: shorter(:, :)
+    !> Harmonics that had not settled on that series, up to this one
+    integer, intent(in) :: unsettled
 
     self%errors%harmonics = max(self%errors%harmonics, relative_change(shorter, own_monitors(solver)))
-    self%estimator%is_sure = accepted(self)
+    self%estimator%is_sure = accepted(self) .and. solver%options%harmonics >= unsettled
   end subroutine compare
 
   !> Length of the series that an estimate which is not sure is held against.
@@ -223,13 +281,15 @@ contains
   end function accepted
 
   !> Solve the point again, finer, from where it is expected; back to what it was if that fails.
-  subroutine solve_finer(solver, finer, harmonics, samples, iterations, better)
+  subroutine solve_finer(solver, finer, harmonics, samples, early_stop, iterations, better)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: finer
     !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
+    !> Give up after a few iterations of Newton's method
+    logical, intent(in) :: early_stop
     !> Counts on
     integer, intent(inout) :: iterations
     !> Is there a finer point?
@@ -245,7 +305,7 @@ contains
     call solver%set_resolution(harmonics, samples)
     solver%motion = resized(finer%motion, 2*harmonics + 1)
     constraint = solver%context%constraint
-    call solver%solve_with(constraint)
+    call solver%solve_with(constraint, early_stop)
     iterations = iterations + solver%report%iterations
     ! The constraint's plane meets branches far away, too.
     better = solver%report%converged .and. abs(solver%omega - before%omega) <= farthest*before%omega

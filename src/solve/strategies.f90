@@ -4,7 +4,7 @@
 !> Newton's method is hardest at the onset of gross slip. Two findings end the search: mean friction forces cannot balance (rigid-body
 !> drift) and a few starts by time integration find nothing else; or motion in time has not settled after all starts, where the point
 !> before had no periodic motion either. The next point then begins with what was found here. A point that fails leaves the solver as
-!> it was, with a report that says so.
+!> it was, with a report that says so. On a long series, before a short one is tried, only strategies of little cost are.
 module attrito_solve_strategies
   use attrito_core_kinds, only: wp
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
@@ -19,17 +19,21 @@ contains
 
   !> Solve at an angular frequency, with the present loads. Newton's method from the point before is given up early where other starts
   !> follow, and run to its end when these have failed.
-  subroutine solve_by_strategies(solver, omega)
+  subroutine solve_by_strategies(solver, omega, is_long)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Target
     real(wp), intent(in) :: omega
+    !> Is the series long, so that a short one follows where strategies of little cost fail? If not given, it is not
+    logical, intent(in), optional :: is_long
     type(strategy_type), allocatable :: table(:)
     type(snapshot_type) :: before, drifted
     type(search_type) :: search
     integer :: i
-    logical :: is_stuck
+    logical :: is_stuck, of_little_cost
 
+    of_little_cost = .false.
+    if (present(is_long)) of_little_cost = is_long
     search%omega = omega
     search%previous = solver%evidence
     solver%evidence = evidence_type()
@@ -38,7 +42,8 @@ contains
     before = snapshot_of(solver)
     table = strategies()
     do i = 1, size(table)
-      if (btest(solver%left_out, i) .or. .not. is_tried(table(i), solver, search)) cycle
+      if (btest(solver%left_out, i) .or. (of_little_cost .and. .not. table(i)%on_long_series)) cycle
+      if (.not. is_tried(table(i), solver, search)) cycle
       call table(i)%solve(solver, search)
       if (search%outcome%converged) exit
       if (search%outcome%evidence%is_drifting .and. .not. allocated(drifted%motion)) drifted = snapshot_of(solver)

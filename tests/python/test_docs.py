@@ -280,7 +280,7 @@ def test_the_table_of_fallback_strategies_has_all_of_them_in_their_order_and_who
     assert tuple(row[0] for row in rows) == STRATEGIES
     room = int(re.search(r"character\((\d+)\) :: path", (ROOT / "src/solve/strategy_table.f90").read_text())[1])
     for name, *words in rows:
-        assert len(words) == 3 and all(0 < len(cell) < room for cell in words), name
+        assert len(words) == 4 and all(0 < len(cell) < room for cell in words), name
         assert f"| `{name}` | {' | '.join(words)} |" in (ROOT / "docs/method.md").read_text()
 
 
