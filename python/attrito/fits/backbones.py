@@ -1,7 +1,7 @@
 """A nonlinear mode at the amplitudes measured.
 
 Derivatives of modes by EPMC, by what those of responses are exact by, are exact (`attrito.studies.sloped_modes`);
-quasi-static ones, of waves, and by everything else are differences.
+quasi-static ones, of waves, at amplitudes of a sensor, and by everything else are differences.
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from attrito.fits.data import RULES, Data
+from attrito.fits.data import HARMONIC, RANGE, RULES, Data
 from attrito.fits.design import Fit
 from attrito.fits.source import Solved, Source
 from attrito.job.job import Job
 from attrito.job.varied import is_of_model
+from attrito.modes.at_monitor import Sensor
 from attrito.runs.progress import Progress
 from attrito.studies.samples import shared_scene
 from attrito.studies.sloped_modes import NAMES, SlopedModes
@@ -31,10 +32,11 @@ class Backbone(Source):
         keeps_places = not any(is_of_model(key) for parameter in fit.parameters for key in parameter.keys)
         base, rom = shared_scene(comm, job, keeps_places, progress, comm.rank == 0)
         self._modes = SlopedModes(comm, base, rom, fit.parameters, self.changed)
+        self._sensor = _sensor(data, job)
 
     def solve(self, values: np.ndarray, derivatives: bool) -> Solved:
         """See `Source.solve`."""
-        rows = self._modes.at(values, self._data.measured.at.tolist(), derivatives)
+        rows = self._modes.at(values, self._data.measured.at.tolist(), derivatives, self._sensor)
         names = RULES[self._data.keys["rule"]]
         numbers = {
             name: np.array([np.nan if row[name] is None else row[name] for row in rows], dtype=float)
@@ -46,7 +48,8 @@ class Backbone(Source):
             "frequency_ratio": frequency / numbers["tangent_hz"],
             "damping_ratio": damping + numbers["damping_ratio_structure"],
         }
-        rates = self._rates(rows, found, numbers["tangent_hz"]) if derivatives else self.unknown_rates()
+        is_exact = derivatives and self._sensor is None
+        rates = self._rates(rows, found, numbers["tangent_hz"]) if is_exact else self.unknown_rates()
         return {name: found[name] for name in self._data.measured.values}, rates
 
     def _rates(
@@ -64,3 +67,12 @@ class Backbone(Source):
             "damping_ratio": slopes["damping_ratio"] + slopes["damping_ratio_structure"],
         }
         return {name: known[name] for name in rates}
+
+
+def _sensor(data: Data, job: Job) -> Sensor | None:
+    """What the amplitudes are of; None: Q."""
+    if data.keys["monitor"] is None:
+        return None
+    names = [monitor["name"] for monitor in job["output"]["monitors"]]
+    quantity = data.keys["quantity"]
+    return Sensor(names.index(data.keys["monitor"]), None if quantity == RANGE else HARMONIC[quantity][0])

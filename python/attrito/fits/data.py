@@ -36,7 +36,7 @@ HARMONIC = {
 # Of each kind of measurements: its own keys
 OWN = {
     "response": ("monitor", "level", "quantity", "force", "decibel", "phase", "amplitude_deviation", "phase_deviation"),
-    "mode": ("rule", "frequency_deviation", "damping_deviation"),
+    "mode": ("monitor", "quantity", "rule", "frequency_deviation", "damping_deviation"),
     "loop": (
         *("contact", "normal_force", "area", "closed", "force_deviation"),
         *("frequency_hz", "level", "monitor", "displacement_deviation"),
@@ -117,7 +117,7 @@ class Data:
         known = {"frequency_hz": "Hz", "frequency_ratio": "1", "damping_ratio": "1", "phase_deg": "degree"}
         if self.of == "loop":
             return {"displacement": "user length", "tangential_force": "user force"}
-        if self.of == "mode":
+        if self.of == "mode" and self.keys["monitor"] is None:
             return known | {"amplitude": "user length (user mass)^0.5"}
         power, over_force = HARMONIC.get(self.keys["quantity"], (0, False))
         length = "user length" + ("", "/user time", "/user time^2")[power]
@@ -191,7 +191,10 @@ def _faults_of_keys(path: str, where: str, row: dict[str, Any], one: dict[str, A
                 expected = f"no such key {'beside' if solved else 'without'} frequency_hz"
                 faults.append(Fault(path, f"{where} {name}", row[name], expected))
     over_force = HARMONIC.get(one["quantity"], (0, False))[1]
-    if over_force != (one["force"] is not None):
+    if of == "mode" and one["quantity"] != RANGE and (over_force or one["monitor"] is None):
+        expected = f"one of {RANGE}, displacement, velocity, acceleration, of a monitor"
+        faults.append(Fault(path, f"{where} quantity", one["quantity"], expected))
+    elif over_force != (one["force"] is not None):
         expected = "the amplitude of the force that the response was divided by" if over_force else _no_force()
         faults.append(Fault(path, f"{where} force", one["force"] or "missing", expected))
     if one["phase"] and one["quantity"] == RANGE:
@@ -218,6 +221,8 @@ def _faults_of_mode(one: Data, path: str, job: Job) -> list[Fault]:
         check_mode(job)
     except InputError as error:
         return list(error.faults)
+    if faults := _faults_of_response(one, path, job):
+        return faults
     if one.keys["rule"] == "masing" and job["mode"]["method"] != "quasi_static":
         expected = '"quasi_static" with rule = "masing", which is of the first loading'
         return [job.fault("[mode] method", job["mode"]["method"], expected)]

@@ -77,8 +77,9 @@ def _draw(above: Axes, below: Axes, one: Data, name: str, solved: dict[str, np.n
 
 
 def _label(one: Data, name: str, units: str) -> str:
-    words = LABELS.get(name, "Amplitude Q" if one.of == "mode" else "Amplitude")
-    if name == "amplitude" and one.of == "response" and one.keys["quantity"] != RANGE:
+    is_modal = one.of == "mode" and one.keys["monitor"] is None
+    words = LABELS.get(name, "Amplitude Q" if is_modal else "Amplitude")
+    if name == "amplitude" and one.of != "loop" and one.keys["quantity"] != RANGE:
         words = one.keys["quantity"].capitalize()
     return with_unit(words, axis_unit(one.units[name], units))
 

@@ -26,7 +26,7 @@ class Layout:
     factors : by these names, on the file's numbers: units of the job per unit of the file
     decibel : whether amplitudes are 20 log10 of what is meant
     phase : whether the phase of a response is compared, too
-    monitor : of a response, whose amplitudes may be in a column `<monitor>_amplitude`, as those of `attrito table`
+    monitor : whose amplitudes may be in a column `<monitor>_amplitude`, as those of `attrito table`
     normal_force : of a loop without a column of it
     closed : whether a loop is whole cycles of a steady one
     frequency_hz : of a loop of a solved point
@@ -65,6 +65,7 @@ def read_measured(path: str, of: str, layout: Layout, deviations: dict[str, floa
     columns = read_columns(path)
     table = columns.named(layout.columns)
     where, compared = COLUMNS[of]
+    _take_monitor(table, of, layout)
     if of == "response":
         _take_response(table, layout)
     for name, factor in layout.factors.items():
@@ -96,10 +97,15 @@ def _expected(of: str, layout: Layout) -> str:
     return words + ', or columns = { NAME = "that of the file" }'
 
 
+def _take_monitor(table: dict[str, np.ndarray], of: str, layout: Layout) -> None:
+    """A monitor's amplitudes from the column that `attrito table` has; beside it, a mode's `amplitude` is Q."""
+    own = f"{layout.monitor}_amplitude"
+    if own in table and ("amplitude" not in table or (of == "mode" and "amplitude" not in layout.columns)):
+        table["amplitude"] = table[own]
+
+
 def _take_response(table: dict[str, np.ndarray], layout: Layout) -> None:
     """Amplitudes, and phases, out of what the file has."""
-    if "amplitude" not in table and layout.monitor is not None and f"{layout.monitor}_amplitude" in table:
-        table["amplitude"] = table[f"{layout.monitor}_amplitude"]
     if "amplitude" not in table and "real" in table and "imaginary" in table:
         value = table["real"] + 1j * table["imaginary"]
         table["amplitude"], table["phase_deg"] = np.abs(value), np.degrees(np.angle(value))

@@ -18,7 +18,7 @@ from attrito.model.model import Model
 
 # Rows that are looked at, spread over the model; parts of a row's entries that a translation and a rotation may leave,
 # rounding and the digits of a file.
-MOST_ROWS = 20000
+MOST_ROWS = 5000
 TRANSLATION, ROTATION = 1e-8, 1e-7
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,6 +50,10 @@ class ModePoint:
     def converged(self) -> bool:
         """Whether it was found."""
         return self.point.is_solved
+
+    def lost(self) -> ModePoint:
+        """The same as a point that was not found."""
+        return replace(self, point=self.point._replace(outcome="not_converged"))
 
     def damping_ratio(self, work: float) -> float:
         """Of the contacts, which do so much work a period, user energy: work / (2 pi omega^2 sum h^2 q_h^H M q_h)."""

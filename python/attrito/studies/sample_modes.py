@@ -7,14 +7,16 @@ no other sample.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from attrito.job.job import Job
 from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
+from attrito.modes.at_monitor import AtMonitor, Sensor
 from attrito.modes.mode_point import ModePoint
-from attrito.modes.nonlinear import Tracker, chosen_mode, contact_work, new_tracker, series_of_mode
+from attrito.modes.nonlinear import chosen_mode, contact_work, new_tracker, series_of_mode
 from attrito.modes.scene_at_rest import come_to_rest
 from attrito.studies.samples import Samples
 from attrito.support.errors import NumericsError
@@ -26,8 +28,8 @@ if TYPE_CHECKING:
 class SampleModes(Samples):
     """Follows the modes of samples; every session is closed with its sample."""
 
-    def of(self, job: Job, amplitudes: list[float]) -> list[dict[str, Any]]:
-        """The mode of a job at its amplitudes; from the one on at which it is lost, `not_converged`."""
+    def of(self, job: Job, amplitudes: list[float], sensor: Sensor | None = None) -> list[dict[str, Any]]:
+        """The mode of a job at amplitudes Q, or of a sensor; from the one on at which it is lost, `not_converged`."""
         reduced, load_path, options = self.scene_of(job)
         found: list[dict[str, Any]] = []
         tangent: dict[str, float | None] = {"tangent_hz": None, "tangent_damping_ratio": None}
@@ -41,7 +43,11 @@ class SampleModes(Samples):
                     "tangent_damping_ratio": float(modes.damping_ratio[number - 1]),
                 }
                 self.prepare(solver, job, (reduced, load_path, options), modes, number - 1)
-                self._follow(solver, new_tracker(job, solver, reduced, modes, number - 1), amplitudes, found)
+                at = new_tracker(job, solver, reduced, modes, number - 1).at
+                if sensor is not None:
+                    entry = complex(reduced.monitors[sensor.monitor] @ modes.shapes[number - 1])
+                    at = AtMonitor(at, sensor, sensor.of_shape(entry, tangent["tangent_hz"] or 0.0)).at
+                self._follow(solver, at, amplitudes, found)
             touches = any(solver.static_states[:3])
         found += [_row(None, 0.0)] * (len(amplitudes) - len(found))
         return [row | tangent | {"touches": touches} for row in found]
@@ -66,9 +72,15 @@ class SampleModes(Samples):
         """What the row of a mode's point has beside: the solver is at it."""
         return {}
 
-    def _follow(self, solver: Solver, tracker: Tracker, amplitudes: list[float], found: list[dict[str, Any]]) -> None:
+    def _follow(
+        self,
+        solver: Solver,
+        at: Callable[[float], ModePoint],
+        amplitudes: list[float],
+        found: list[dict[str, Any]],
+    ) -> None:
         for amplitude in amplitudes:
-            one = tracker.at(amplitude)
+            one = at(amplitude)
             if not one.converged:
                 return
             row = _row(one, contact_work(self._comm, solver, one))

@@ -19,6 +19,7 @@ from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Solver
 from attrito.library.structures import omega
+from attrito.modes.at_monitor import Sensor
 from attrito.modes.frequency_slopes import frequency_slopes, spring_rates
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import shape_slopes
@@ -58,10 +59,12 @@ class SlopedModes(SampleModes):
         self._parameters, self._changed = parameters, changed
         self._values: np.ndarray | None = None
 
-    def at(self, values: np.ndarray, amplitudes: list[float], derivatives: bool) -> list[dict[str, Any]]:
-        """The mode at values of the parameters. Collective."""
-        self._values = values if derivatives else None
-        return self.of(self._changed(values), amplitudes)
+    def at(
+        self, values: np.ndarray, amplitudes: list[float], derivatives: bool, sensor: Sensor | None = None
+    ) -> list[dict[str, Any]]:
+        """The mode at values of the parameters and amplitudes Q, or of a sensor, where none are exact. Collective."""
+        self._values = values if derivatives and sensor is None else None
+        return self.of(self._changed(values), amplitudes, sensor)
 
     def known(self, values: np.ndarray) -> np.ndarray:
         """Which parameters modes have exact derivatives by, at values of them `[parameters]`. Collective."""
