@@ -26,6 +26,7 @@ import common  # isort: skip  # noqa: F401 (sets the threads of BLAS before nump
 import h5py
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter
 from mpi4py import MPI
 from scipy.io import loadmat
 
@@ -205,7 +206,7 @@ def compared(folder: Path, assembly: str, solved: dict[str, np.ndarray]) -> dict
 
 
 def draw(found: dict, fitted: list[str], path: str) -> None:
-    """Frequency and damping of every assembly, measured and solved."""
+    """Frequency and damping of every assembly, measured and solved, with the largest error of each."""
     count = len(found["assemblies"])
     figure = Figure(figsize=(3.2 * count, 5.2), constrained_layout=True)
     for columns, (assembly, rows) in zip(
@@ -215,10 +216,16 @@ def draw(found: dict, fitted: list[str], path: str) -> None:
             axes.semilogx(rows["amplitude"], rows[f"measured_{name}"], "o", ms=3, color="#8a8a8a", label="measured")
             axes.semilogx(rows["amplitude"], rows[f"solved_{name}"], color="#0072B2", label="attrito")
             axes.set(ylabel=label)
-        columns[0].set_title(f"{assembly}: {'fitted' if assembly in fitted else 'predicted'}")
+            axes.xaxis.set_minor_formatter(NullFormatter())
+        frequency, damping = (100.0 * rows[f"largest error of {name}"] for name in ("frequency", "damping"))
+        way = "fitted" if assembly in fitted else "predicted"
+        columns[0].set_title(f"{assembly}, {way}\nwithin {frequency:.2g} %", fontsize=9)
+        columns[1].set_title(f"within {damping:{'.2g' if damping < 100.0 else '.0f'}} %", fontsize=9)
+        columns[0].ticklabel_format(axis="y", useOffset=False)
+        columns[1].ticklabel_format(axis="y", style="sci", scilimits=(0, 0))
         columns[1].set_xlabel("Amplitude Q")
         columns[0].legend(frameon=False)
-    figure.savefig(path, dpi=150)
+    figure.savefig(path, dpi=110)
 
 
 if __name__ == "__main__":
