@@ -243,7 +243,7 @@ def dense(scene: peaks_scenes.Scene, options: Options, found: Found, state: np.n
                 least = min(least, point.amplitude[0])
                 if least < HALF_POWER * peak.amplitude:
                     break
-                if best < point.amplitude[0] <= least / HALF_POWER:
+                if best < point.amplitude[0]:
                     best, nearest = point.amplitude[0], (solver.save_state(), point.frequency_hz)
                     around = (
                         (offsets[max(i - 1, 0)], offsets[min(i + 1, DENSE)]) if i > 0 else (-offsets[1], offsets[1])

@@ -109,6 +109,9 @@ int attrito_follow_static_path(void *handle, int loads, int corners, const doubl
 /* Begin a sweep of the harmonic loads at a level between two angular frequencies. */
 void attrito_begin_sweep(void *handle, double start, double stop, double level, int branch, int max_points);
 
+/* Steps of the sweep that begins are parts of a wider range than its own, as of a sweep from within a band to one of its ends. */
+void attrito_scale_sweep(void *handle, double low, double high);
+
 /* The next point of the sweep. */
 void attrito_next_point(void *handle, attrito_point *point);
 

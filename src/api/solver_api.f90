@@ -272,6 +272,18 @@ contains
     session%moduli = moduli_type()
   end subroutine attrito_begin_sweep
 
+  !> Steps of the sweep that begins are parts of a wider range than its own, as of a sweep from within a band to one of its ends.
+  subroutine attrito_scale_sweep(handle, low, high) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Angular frequencies of both ends of that range, rad/s
+    real(c_double), value :: low, high
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call session%solver%set_scales(low, high)
+  end subroutine attrito_scale_sweep
+
   !> The next point of the sweep.
   subroutine attrito_next_point(handle, point) bind(c)
     !> Session, see `session_of`

@@ -30,7 +30,7 @@ contains
     type(arc_type), intent(in) :: arc
     !> Largest amplitudes [monitors]
     real(wp), intent(in) :: largest(:)
-    !> Beyond this the arc is looked at no further
+    !> Error that is accepted; beyond it the arc is looked at no further
     real(wp), intent(in) :: enough
     !> Parts of the frequency at which a linear response is looked at, and most of its resonances
     integer, parameter :: parts = 4, most_resonances = 20 ! guess
@@ -49,7 +49,7 @@ contains
       end do
     else
       do i = 1, size(looked_at)
-        call estimate_between(solver, step, looked_at(i), between, off, status)
+        call estimate_between(solver, step, looked_at(i), enough, between, off, status)
         if (status == 0) error = max(error, arc%distance_of(between, max(largest, between%amplitude)), off/most_off*enough)
         if (error > enough) exit
       end do

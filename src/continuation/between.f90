@@ -14,11 +14,13 @@ module attrito_continuation_between
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_curve_point, only: curve_point_type, new_curve_point
   use attrito_continuation_step, only: step_type
+  use attrito_continuation_step_length, only: default_tolerance
   implicit none
   private
   public :: estimate_between, stuck_point
 
-  !> Most steps, and length, relative to the motion, of one after which none follows
+  !> Most steps, and length, relative to the motion, of one after which none follows, at the default tolerance of the drawn curve; what a
+  !> step leaves goes with its square
   integer, parameter :: most_steps = 3 ! guess
   real(wp), parameter :: near = 0.01_wp ! guess
 
@@ -26,13 +28,13 @@ contains
 
   !> The point of the true curve beside a part of a step's arc, by a step or a few of Newton's method. The solver's point and its
   !> evaluation stay.
-  subroutine estimate_between(solver, step, part, point, off, status)
+  subroutine estimate_between(solver, step, part, tolerance, point, off, status)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Step along the branch
     type(step_type), intent(in) :: step
-    !> Part of the arc, 0 to 1
-    real(wp), intent(in) :: part
+    !> Part of the arc, 0 to 1; error of the drawn curve that is accepted
+    real(wp), intent(in) :: part, tolerance
     !> Point of the curve
     type(curve_point_type), intent(out) :: point
     !> Distance of its motion from the arc's, means left out, relative to the motion
@@ -65,7 +67,7 @@ contains
         where (spread(balance%periodic, 1, size(balance%slider, 1))) balance%slider = balance%slider + moved%slider
         whole%motion = whole%motion + moved%motion
         off = relative(balance, whole%motion, motion)
-        if (relative(balance, moved%motion, motion) < near) exit
+        if (relative(balance, moved%motion, motion) < near*sqrt(tolerance/default_tolerance)) exit
       end do
       if (status == 0) point = new_curve_point(omega, balance%monitors%motion_of(change))
       call take_up(balance, here)

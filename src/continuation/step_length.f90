@@ -5,16 +5,20 @@
 !>
 !> The change of the length is the nearest of a few. The error is a small difference, so that rounding, which differs between
 !> numbers of ranks and between processors, would grow tenfold from step to step and move the points of a long sweep.
-!> Where Newton's method hardly found the point from its prediction steps do not grow either.
+!> Where Newton's method hardly found the point from its prediction steps do not grow either. The first step, and what a step may have
+!> of the frequencies, are parts of the sweep that go with the fourth root of the accepted error, too.
 !> Source: Seydel 2010, doi:10.1007/978-1-4419-1740-9.
 module attrito_continuation_step_length
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: first_step, smallest_step, given_up, largest_in_frequency
-  public :: next_length, limited_in_frequency, is_near, with_effort
+  public :: default_tolerance, smallest_step, given_up
+  public :: first_length, largest_part, next_length, limited_in_frequency, is_near, with_effort
 
-  !> As parts of the sweep: lengths along the branch, the one at which a branch is given up, and the largest in frequency
+  !> Error of the drawn curve, relative to the largest amplitude
+  real(wp), parameter :: default_tolerance = 0.01_wp ! conventional
+  !> As parts of the sweep: lengths along the branch, the one at which a branch is given up, and the largest in frequency; the first and
+  !> the last at the default tolerance
   real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, given_up = 1.0e-9_wp, largest_in_frequency = 0.05_wp ! guess
   !> Part of the accepted error that steps aim at
   real(wp), parameter :: aimed_part = 0.3_wp ! guess
@@ -40,12 +44,28 @@ contains
     next_length = length*2.0_wp**(anint(changes*log(change)/log(2.0_wp))/changes)
   end function next_length
 
-  !> A length along a tangent that changes the frequency by no more than is allowed.
-  pure real(wp) function limited_in_frequency(length, slope)
-    !> Along the branch; change of the frequency, part of the sweep, by a unit of it
-    real(wp), intent(in) :: length, slope
+  !> Of the first step.
+  pure real(wp) function first_length(tolerance)
+    !> Error of the drawn curve that is accepted
+    real(wp), intent(in) :: tolerance
 
-    limited_in_frequency = min(length, largest_in_frequency/max(slope, tiny(1.0_wp)))
+    first_length = first_step*(tolerance/default_tolerance)**0.25_wp
+  end function first_length
+
+  !> The largest change of the frequency, part of the sweep.
+  pure real(wp) function largest_part(tolerance)
+    !> Error of the drawn curve that is accepted
+    real(wp), intent(in) :: tolerance
+
+    largest_part = largest_in_frequency*(tolerance/default_tolerance)**0.25_wp
+  end function largest_part
+
+  !> A length along a tangent that changes the frequency by no more than is allowed.
+  pure real(wp) function limited_in_frequency(length, slope, tolerance)
+    !> Along the branch; change of the frequency, part of the sweep, by a unit of it; error of the drawn curve that is accepted
+    real(wp), intent(in) :: length, slope, tolerance
+
+    limited_in_frequency = min(length, largest_part(tolerance)/max(slope, tiny(1.0_wp)))
   end function limited_in_frequency
 
   !> Is a corrected point near enough to where it was predicted?

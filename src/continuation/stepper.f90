@@ -24,16 +24,14 @@ module attrito_continuation_stepper
   use attrito_continuation_predictor, only: predictor_type, prediction_type, middle_of
   use attrito_continuation_secant, only: secant_type
   use attrito_continuation_step, only: step_type
-  use attrito_continuation_step_length, only: first_step, smallest_step, given_up, next_length, limited_in_frequency, is_near, &
-                                              with_effort
+  use attrito_continuation_step_length, only: default_tolerance, first_length, smallest_step, given_up, next_length, &
+                                              limited_in_frequency, is_near, with_effort
   use attrito_continuation_tangent, only: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, &
                                           share_of_harmonics
   implicit none
   private
-  public :: stepper_type, default_tolerance
+  public :: stepper_type
 
-  !> Error of the drawn curve, relative to the largest amplitude
-  real(wp), parameter :: default_tolerance = 0.01_wp ! conventional
   !> Part of it that points at a peak may miss the largest amplitude by
   real(wp), parameter :: peak_part = 0.1_wp ! guess
   !> What the curve may be off by elsewhere on the arc, in terms of what it is there: near a kink between
@@ -102,7 +100,7 @@ contains
     !> 1: towards growing frequency, -1: falling
     real(wp), intent(in) :: direction
 
-    self%size = first_step
+    self%size = first_length(self%tolerance)
     self%direction = direction
     self%last = step_type()
     self%looked_ahead = .false.
@@ -198,7 +196,7 @@ contains
     if (allocated(prediction%motion)) self%size = max(prediction%length, smallest_step)
     do
       if (.not. allocated(prediction%motion)) then
-        self%size = limited_in_frequency(self%size, self%tangent%reach()*abs(self%tangent%omega))
+        self%size = limited_in_frequency(self%size, self%tangent%reach()*abs(self%tangent%omega), self%tolerance)
         call self%predictor%predict(solver, self%tangent, self%size, tries%by_arc, prediction)
       end if
       call correct(self, solver, prediction, tries%failures < most_brief, distance)

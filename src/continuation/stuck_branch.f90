@@ -7,7 +7,7 @@ module attrito_continuation_stuck_branch
   use attrito_continuation_curve_point, only: curve_point_type
   use attrito_continuation_range, only: range_type
   use attrito_solve_solver, only: solver_type
-  use attrito_continuation_step_length, only: smallest_step, largest_in_frequency
+  use attrito_continuation_step_length, only: smallest_step, largest_part
   use attrito_continuation_stepper, only: stepper_type
   use attrito_continuation_tangent, only: tangent_type
   implicit none
@@ -36,7 +36,8 @@ contains
     accepted = .false.
     if (.not. (solver%all_stick .and. stepper%looked_ahead)) return
     before = snapshot_of(solver)
-    whole = min(stepper%size*abs(stepper%tangent%omega), largest_in_frequency)*solver%context%frequency_scale*stepper%direction
+    whole = min(stepper%size*abs(stepper%tangent%omega), largest_part(stepper%tolerance))
+    whole = whole*solver%context%frequency_scale*stepper%direction
     part = 1.0_wp
     do
       call solver%solve_stuck_at(range%clipped(before%omega + part*whole), accepted)

@@ -23,7 +23,7 @@ module attrito_peak_climb
   use attrito_peak_condition, only: problem_type, direction_type, slope_along, scale_of_motion
   implicit none
   private
-  public :: branch_seed_type, climb, close_in, look_around, take_step
+  public :: branch_seed_type, climb, close_in, look_around, take_step, first_leap, ripple
 
   !> What is left to be gained of A, relative
   real(wp), parameter :: accepted_gain = 1.0e-9_wp ! derived

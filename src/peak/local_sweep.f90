@@ -2,13 +2,14 @@
 !>
 !> The swept range becomes wider until the amplitude is largest within it, not at an end. A point of the sweep lies at every peak,
 !> from which the peak is climbed to (`attrito_peak_climb`). Where the amplitude is largest beside frequencies without a periodic
-!> motion there is no peak: mean friction does not balance the mean forces there, and a body drifts.
+!> motion, or to climb leads there, there is no peak: mean friction does not balance the mean forces there, and a body drifts.
 module attrito_peak_local_sweep
   use attrito_core_kinds, only: wp
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_sweep, only: sweep_type, new_sweep
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of
+  use attrito_peak_branch_end, only: look_beyond
   use attrito_peak_climb, only: climb
   use attrito_peak_condition, only: problem_type
   use attrito_peak_endings, only: ending_none, ending_not_found, ending_leaves_band, ending_no_periodic_motion
@@ -60,10 +61,12 @@ contains
     type(range_type) :: range
     real(wp) :: ends(2)
     integer :: i, used
+    logical :: ends_in_drift
 
     iterations = 0
     found = .false.
     at_corner = .false.
+    ends_in_drift = .false.
     ending = ending_not_found
     start = snapshot_of(solver)
     do i = 1, size(half_widths) + 1
@@ -77,10 +80,15 @@ contains
       if (range%inside .or. (range%at_gap .and. .not. range%drifts)) then
         call climb(problem, solver, used, found, at_corner)
         iterations = iterations + used
+        if (.not. found) then
+          call look_beyond(problem, solver, iterations, found, ends_in_drift)
+          at_corner = found
+        end if
         ! Uphill of the range there may be no peak in the band.
         found = found .and. solver%omega >= minval(band) .and. solver%omega <= maxval(band)
       end if
-      if (found .or. (range%at_gap .and. range%drifts)) exit
+      range%drifts = range%drifts .or. ends_in_drift
+      if (found .or. ends_in_drift .or. (range%at_gap .and. range%drifts)) exit
     end do
     if (found) then
       ending = ending_none

@@ -207,7 +207,7 @@ contains
       associate (step => sweep%stepper%last)
         if (step%length <= 0.0_wp .or. (step%from%all_stick .and. step%to%all_stick)) cycle
         here = snapshot_of(solver)
-        call estimate_between(solver, step, 0.5_wp, estimated, off, status)
+        call estimate_between(solver, step, 0.5_wp, 0.01_wp, estimated, off, status)
         call check(error, status == 0, 'there is no estimate')
         call check_close(error, solver%motion, here%motion, 0.0_wp, 'the point stays')
         if (allocated(error)) exit

@@ -191,9 +191,22 @@ class Solver:
         status = self._library.attrito_change_by_force(self._handle, len(rows), pointer(rows), pointer(change))
         return float(change[0]) if status == 0 else math.nan
 
-    def sweep(self, start_hz: float, stop_hz: float, level: float, branch: int, max_points: int) -> Iterator[Point]:
-        """Follow the branch from one frequency to another, a point at a time."""
+    def sweep(
+        self,
+        start_hz: float,
+        stop_hz: float,
+        level: float,
+        branch: int,
+        max_points: int,
+        within_hz: tuple[float, float] | None = None,
+    ) -> Iterator[Point]:
+        """Follow the branch from one frequency to another, a point at a time.
+
+        Steps are parts of this range, or of a wider one `within_hz`.
+        """
         self.set_excitation(start_hz, stop_hz, level, branch, max_points)
+        if within_hz is not None:
+            self._library.attrito_scale_sweep(self._handle, omega(within_hz[0]), omega(within_hz[1]))
         yield from self.go_on()
 
     def go_on(self) -> Iterator[Point]:

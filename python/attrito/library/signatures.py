@@ -59,6 +59,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
         (HANDLE, c_int, c_int, Doubles, c_int, c_double, POINTER(RawPoint), *MESSAGE),
     ),
     "attrito_begin_sweep": (None, (HANDLE, c_double, c_double, c_double, c_int, c_int)),
+    "attrito_scale_sweep": (None, (HANDLE, c_double, c_double)),
     "attrito_next_point": (None, (HANDLE, POINTER(RawPoint))),
     "attrito_solve_at": (None, (HANDLE, c_double, c_int, POINTER(RawPoint))),
     "attrito_solve_by_strategy": (c_int, (HANDLE, c_char_p, c_double, POINTER(RawPoint))),

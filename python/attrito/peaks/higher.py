@@ -6,9 +6,11 @@ height by a tenth of the sweep's tolerance at most (docs/method.md, "Getting fro
 is enough. Branches that are not connected to the peak's are not seen.
 
 One resonance may have several maxima, where contacts begin to slip or to open one after another. A higher maximum is of
-the followed one's resonance where the response between does not fall below the higher one's half power, 1/sqrt(2) of
-it: of these the highest is climbed to, and followed from there. Where the response comes, above half power, to
-frequencies at which no motion has the loads' period, and is higher beside them, there is no peak.
+the followed one's resonance where the response between does not fall below the followed one's half power, 1/sqrt(2) of
+it: of these the highest is climbed to, and followed from there. A peak that was asked for by its frequency may stand on
+the flank of a higher one: then the response between must not fall below the higher one's half power. Where the response
+comes, above half power, to frequencies at which no motion has the loads' period, and is higher beside them, there is no
+peak.
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ if TYPE_CHECKING:
 COARSE = 0.1
 # A peak is reported that is higher by more than this part, beyond what the height of a point and other sliders change
 HIGHER = 0.02
-# Of the higher one: what the response between does not fall below where two maxima are of one resonance
+# Of the followed one, or the higher one: what the response between does not fall below where both are of one resonance
 HALF_POWER = 2.0**-0.5
 # By how much another maximum of the same resonance must be higher: beyond rounding, below what a peak is equal to
 SAME = 1e-5
@@ -114,6 +116,7 @@ class HigherPeaks:
     load_path : `[corners, loads]` at preload 1, followed in `steps`
     monitor, measure : index of the monitor; a name of `AMPLITUDES`
     band_hz : lowest and highest frequency
+    chosen : whether the peak was asked for by its frequency
     """
 
     def __init__(
@@ -126,10 +129,11 @@ class HigherPeaks:
         monitor: int,
         measure: str,
         band_hz: tuple[float, float],
+        chosen: bool = False,
     ):
         self._comm, self._scene, self._options = comm, scene, replace(options, curve_tolerance=COARSE)
         self._path, self._steps, self._monitor, self._measure = load_path, steps, monitor, measure
-        self._band = band_hz
+        self._band, self._chosen = band_hz, chosen
         self._open, self._session = ExitStack(), None
         # Floating-point operations of all sweeps and climbs
         self.work = 0.0
@@ -180,7 +184,7 @@ class HigherPeaks:
         maxima: list[Maximum] = []
         last: Maximum | None = None
         rises, gap, farthest, drifts_at = False, 0, peak.frequency_hz, -np.inf
-        for point in solver.sweep(peak.frequency_hz, end, peak.level, 0, MOST_POINTS):
+        for point in solver.sweep(peak.frequency_hz, end, peak.level, 0, MOST_POINTS, self._band):
             height = self._amplitude(point)
             if not point.is_solved:
                 of_resonance = last is not None and last.least >= HALF_POWER * peak.amplitude
@@ -195,7 +199,8 @@ class HigherPeaks:
                 maxima.append(last)
             rises = last is not None and height > last.amplitude
             least = height if last is None else min(height, last.least)
-            kept = rises and least >= HALF_POWER * height and height > (1.0 - 0.1 * COARSE) * peak.amplitude
+            of_one = least >= HALF_POWER * (height if self._chosen else min(height, peak.amplitude))
+            kept = rises and of_one and height > (1.0 - 0.1 * COARSE) * peak.amplitude
             start = Start(point.frequency_hz, solver.coordinates()) if kept else None
             state = solver.save_state() if kept else None
             last = Maximum(height, point.frequency_hz, least, start, state, point.work)

@@ -216,7 +216,8 @@ def _looking(
         yield None
         return
     monitor, steps = _monitor(job, scene), job["static"]["steps"]
-    with HigherPeaks(comm, scene, options, load_path, steps, monitor, keys["amplitude"], band) as looking:
+    chosen = keys["near_hz"] is not None
+    with HigherPeaks(comm, scene, options, load_path, steps, monitor, keys["amplitude"], band, chosen) as looking:
         yield looking
 
 
