@@ -17,8 +17,8 @@ module attrito_continuation_step_length
 
   !> Error of the drawn curve, relative to the largest amplitude
   real(wp), parameter :: default_tolerance = 0.01_wp ! conventional
-  !> As parts of the sweep: lengths along the branch, the one at which a branch is given up, and the largest in frequency; the first and
-  !> the last at the default tolerance
+  !> As parts of the sweep: lengths along the branch, the one at which a branch is given up, and the largest in frequency; the first
+  !> and the last at the default tolerance
   real(wp), parameter :: first_step = 0.01_wp, smallest_step = 1.0e-6_wp, given_up = 1.0e-9_wp, largest_in_frequency = 0.05_wp ! guess
   !> Part of the accepted error that steps aim at
   real(wp), parameter :: aimed_part = 0.3_wp ! guess

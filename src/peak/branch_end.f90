@@ -1,7 +1,8 @@
 !> Where a frequency response ends that rises, as climbing to its peak does not get any farther (`attrito_peak_climb`).
 !>
-!> What follows a little farther on, by all strategies, says why. If it is lower, and falls, the response jumps there, and its end counts
-!> as the peak, a corner. If there is no motion of the loads' period, or nothing but mean positions moves at the end, a body drifts.
+!> What follows a little farther on, by all strategies, says why. If it is lower, and falls, the response jumps there, and its end
+!> counts as the peak, a corner. If there is no motion of the loads' period, or nothing but mean positions moves at the end, a body
+!> drifts.
 module attrito_peak_branch_end
   use attrito_core_kinds, only: wp
   use attrito_solve_snapshot, only: restore
