@@ -19,8 +19,8 @@ module attrito_continuation_between
   private
   public :: estimate_between, stuck_point
 
-  !> Most steps, and length, relative to the motion, of one after which none follows, at the default tolerance of the drawn curve: what
-  !> a step leaves goes with its square
+  !> Most steps, and length, relative to the motion, of one after which none follows, at the default tolerance of the drawn curve:
+  !> what a step leaves goes with its square
   integer, parameter :: most_steps = 3 ! guess
   real(wp), parameter :: near = 0.01_wp ! guess
 
