@@ -22,6 +22,7 @@ import numpy as np
 
 import attrito
 from attrito.library.names import OUTCOMES
+from attrito.peaks.curve import KINDS
 from attrito.peaks.file import read_backbone, read_peaks
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -62,7 +63,7 @@ def compared(path: Path) -> list[dict[str, float]]:
         rows.append(
             {
                 "level": data["level"][i],
-                "asked for": bool(data["kind"][i] == 0),
+                "asked for": bool(data["kind"][i] == KINDS.index("value")),
                 "frequency_hz": frequency,
                 "amplitude": amplitude,
                 "by the mode": data["backbone_frequency_hz"][i],
