@@ -19,7 +19,7 @@ from figures import marks
 from mpi4py import MPI
 
 from attrito.job.reading import read_job
-from attrito.job.varied import places, set_value
+from attrito.job.varied import is_of_model, places, set_value
 from attrito.library.session import Solver
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.tracker import ModeTracker
@@ -317,3 +317,24 @@ def test_batches_hold_every_sample_once_and_are_short(tmp_path):
 def test_a_fault_of_a_study_is_told(tmp_path, capfd, changes, key):
     done = jobs.attrito_here(tmp_path, capfd, "study", write(tmp_path, **changes))
     assert done.returncode == 2 and key in done.stderr
+
+
+@pytest.mark.parametrize(
+    "key",
+    [
+        "contact_set[0].friction_coefficient",
+        "contact[*].chi",
+        "contact_set[*].beta",
+        "contact[0].friction_coefficient[1][1]",
+        "static.load_path[1]",
+        "cyclic.engine_order",
+    ],
+)
+def test_no_number_of_a_contacts_law_is_of_the_model(key: str) -> None:
+    """A reduced model holds none of them, so studies and fits may vary them."""
+    assert not is_of_model(key)
+
+
+@pytest.mark.parametrize("key", ["contact[0].normal[0][1]", "contact_set[0].tolerance", "reduction.modes"])
+def test_places_and_modes_are_of_the_model(key: str) -> None:
+    assert is_of_model(key)

@@ -16,6 +16,8 @@ Keys = dict[str, Any]
 TABLES = ("contact", "contact_set")
 # Numbers of every law
 LAW_KEYS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap", "preload")
+# Further ones, of some laws
+FURTHER_KEYS = ("chi", "beta")
 
 
 @dataclass(frozen=True)

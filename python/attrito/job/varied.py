@@ -10,7 +10,7 @@ from typing import Any, Protocol, TypeVar
 
 from attrito.job.checks import Check
 from attrito.job.job import Job, rom_path
-from attrito.job.laws import LAW_KEYS
+from attrito.job.laws import FURTHER_KEYS, LAW_KEYS
 from attrito.job.reading import check_job, plain
 from attrito.support.errors import Fault, InputError
 from attrito.support.toml_files import read_toml
@@ -98,7 +98,7 @@ def faults_of_keys(job: Job, keys: Sequence[str], path: str, where: str) -> list
     faults = []
     for key in keys:
         if rom_path(job) is not None and is_of_model(key):
-            laws = ", ".join(LAW_KEYS)
+            laws = ", ".join((*LAW_KEYS, *FURTHER_KEYS))
             expected = f"a number that the reduced model does not hold: of contacts, {laws}; {ENGINE_ORDER}"
             faults.append(Fault(path, where, key, expected))
             continue
@@ -111,7 +111,9 @@ def faults_of_keys(job: Job, keys: Sequence[str], path: str, where: str) -> list
 
 def is_of_model(key: str) -> bool:
     """Whether the model has to be read again for it, and reduced."""
-    of_law = _table(key) in ("contact", "contact_set") and key.rpartition(".")[2] in LAW_KEYS
+    # Without the places in a table by pressure
+    name = key.rpartition(".")[2].partition("[")[0]
+    of_law = _table(key) in ("contact", "contact_set") and name in (*LAW_KEYS, *FURTHER_KEYS)
     return _table(key) in MODEL_TABLES and not of_law and key != ENGINE_ORDER
 
 
