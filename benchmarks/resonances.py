@@ -1,13 +1,18 @@
-"""Forced resonance peaks beside what the nonlinear mode expects of them: the lap joint and the demo blade.
+"""Forced resonance peaks beside what the nonlinear mode predicts of them: the lap joint and the demo blade.
 
     .venv/bin/python benchmarks/resonances.py [lap_joint blade] [--picture docs/resonances.png]
 
-The jobs `input/<scene>.toml`, whose models must be there, are given a table `[peak]`: `attrito peak` follows the forced
-peak in the level of the load, and the backbone of its mode by the extended periodic motion concept, which expects a
-peak at the level whose work a period, in quadrature with the motion, is that of the damping. A line a peak: level, both
-frequencies and amplitudes, their relative differences, the damping ratio of the mode there, how far the monitor's mean
-has moved since the first peak, part of its amplitude, and slipping contacts. `worst` is of the peaks at which damping
-is below DAMPED and the mean has moved by less than STILL. JSON on standard output.
+The jobs `input/<scene>.toml`, whose models must be there, are given tables `[peak]` and `[mode]`. `attrito peak`
+follows the forced peak in the level of the load, `attrito mode` the tangent mode nearest to it by the extended periodic
+motion concept, at POINTS amplitudes. Both scenes are shaken where they are looked at, so that a load F cos(omega t) in
+quadrature with the monitor's first harmonic a_1 does the work pi F a_1 a period, and
+
+    F = 2 omega^2 zeta sum_h h^2 q_h^H M q_h / a_1,    zeta = xi/(2 omega), contacts and structure together,
+
+keeps the mode up (docs/modes.md): the level at which it predicts a peak of its frequency and amplitude, interpolated in
+log F. A line a peak: level, both frequencies and amplitudes, their relative differences, the damping ratio of the mode
+there, how far the monitor's mean has moved since the first peak, part of its amplitude, and slipping contacts. `worst`
+is of the peaks at which damping is below DAMPED and the mean has moved by less than STILL. JSON on standard output.
 """
 
 from __future__ import annotations
@@ -19,11 +24,12 @@ from pathlib import Path
 import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import h5py
 import numpy as np
+from scipy.interpolate import PchipInterpolator
 
 import attrito
 from attrito.library.names import OUTCOMES
 from attrito.peaks.curve import KINDS
-from attrito.peaks.file import read_backbone, read_peaks
+from attrito.peaks.file import read_peaks
 
 ROOT = Path(__file__).resolve().parent.parent
 # Levels from and to, and values in between
@@ -33,32 +39,70 @@ RANGES = {
 }
 # Damping ratio, and change of the mean by the amplitude, below which the mode should have the peak
 DAMPED, STILL = 0.01, 0.05
+# Amplitudes of a mode, and how far they go beyond the peaks'
+POINTS, BEYOND = 16, 1.3
 
 
-def followed(scene: str, folder: Path) -> Path:
-    """The file of a scene's peaks and backbone."""
-    tables = tomllib.loads((ROOT / f"input/{scene}.toml").read_text())
+def job_of(scene: str, folder: Path, **tables: dict[str, object]) -> dict[str, object]:
+    """The scene's job with other tables, its results in a folder."""
+    job = tomllib.loads((ROOT / f"input/{scene}.toml").read_text()) | tables
+    job["sweep"] = {key: value for key, value in job["sweep"].items() if key != "levels"}
+    job["output"] = job["output"] | {"file": str(folder / f"{scene}.h5")}
+    return job
+
+
+def follow_peaks(scene: str, folder: Path) -> None:
+    """Into `<scene>.peaks.h5`."""
     start, stop, values = RANGES[scene]
-    tables["peak"] = {"start": start, "stop": stop, "values": values, "backbone": True}
-    tables["peak"] |= {"optimum": False, "look_for_higher": False}
-    tables["sweep"] = {key: value for key, value in tables["sweep"].items() if key != "levels"}
-    tables["output"] = tables["output"] | {"file": str(folder / f"{scene}.h5")}
-    attrito.peak(tables, folder=ROOT / "input", quiet=True).close()
-    return folder / f"{scene}.peaks.h5"
+    keys = {"start": start, "stop": stop, "values": values, "optimum": False, "look_for_higher": False}
+    attrito.peak(job_of(scene, folder, peak=keys), folder=ROOT / "input", quiet=True).close()
 
 
-def compared(path: Path) -> list[dict[str, float]]:
-    """A line a peak of a file."""
+def follow_mode(scene: str, folder: Path) -> None:
+    """Into `<scene>.mode.h5`, over the amplitudes of the peaks, nearest in frequency to the lowest of them."""
+    data, _ = read_peaks(str(folder / f"{scene}.peaks.h5"))
+    with attrito.linear_modes(job_of(scene, folder), folder=ROOT / "input", quiet=True) as modes:
+        number = int(np.abs(modes["points/frequency_hz"][:] - data["frequency_hz"][0]).argmin())
+        entry = abs(modes["monitors/tip/shape"][number])
+    at_ends = data["amplitude"].min() / entry / BEYOND, data["amplitude"].max() / entry * BEYOND
+    keys = {"start": at_ends[0], "stop": at_ends[1], "points": POINTS, "near_hz": data["frequency_hz"][0]}
+    attrito.mode(job_of(scene, folder, mode=keys), folder=ROOT / "input", quiet=True).close()
+
+
+def predicted(path: Path) -> dict[str, np.ndarray]:
+    """Level, frequency, amplitude and damping ratio of the points of a mode at which contacts dissipate, by level."""
+    with h5py.File(path) as file:
+        points, monitor = file["points"], file["monitors/tip"]
+        work = file["contacts/dissipated_energy"][:].sum(axis=1)
+        dissipates = work > 0.0
+        by_contacts, frequency = points["damping_ratio"][dissipates], points["frequency_hz"][dissipates]
+        damping = by_contacts + points["damping_ratio_structure"][dissipates]
+        first = np.hypot(*monitor["harmonics"][dissipates, 1:3].T)
+        amplitude = monitor["amplitude"][dissipates]
+    # The contacts' ratio is their work over 2 pi omega^2 sum h^2 q_h^H M q_h.
+    level = work[dissipates] * damping / by_contacts / (np.pi * first)
+    order = np.argsort(level)
+    found = {"level": level, "frequency_hz": frequency, "amplitude": amplitude, "damping_ratio": damping}
+    return {name: values[order] for name, values in found.items()}
+
+
+def compared(scene: str, folder: Path) -> list[dict[str, float]]:
+    """A line a peak, where the mode has its level."""
+    path = folder / f"{scene}.peaks.h5"
     data, attributes = read_peaks(str(path))
-    backbone = read_backbone(str(path))
-    assert backbone is not None
+    mode = predicted(folder / f"{scene}.mode.h5")
     with h5py.File(path) as file:
         mean = file[f"peaks/monitors/{attributes['monitor']}/harmonics"][:, 0]
-    order = np.argsort(backbone["level"])
-    damping = np.interp(data["level"], backbone["level"][order], backbone["damping_ratio"][order])
-    expected = data["backbone_response"] * data["level"]
+
+    def at_peaks(name: str) -> np.ndarray:
+        places, values = np.log(mode["level"]), mode[name]
+        inside = (data["level"] >= mode["level"][0]) & (data["level"] <= mode["level"][-1])
+        return np.where(inside, PchipInterpolator(places, values)(np.log(data["level"])), np.nan)
+
+    damping, expected, natural = (at_peaks(name) for name in ("damping_ratio", "amplitude", "frequency_hz"))
+    solved = (data["outcome"] != OUTCOMES.index("not_converged")) & np.isfinite(expected)
     rows = []
-    for i in np.flatnonzero(data["outcome"] != OUTCOMES.index("not_converged")):
+    for i in np.flatnonzero(solved):
         amplitude, frequency = data["amplitude"][i], data["frequency_hz"][i]
         rows.append(
             {
@@ -66,9 +110,9 @@ def compared(path: Path) -> list[dict[str, float]]:
                 "asked for": bool(data["kind"][i] == KINDS.index("value")),
                 "frequency_hz": frequency,
                 "amplitude": amplitude,
-                "by the mode": data["backbone_frequency_hz"][i],
+                "by the mode": natural[i],
                 "amplitude by the mode": expected[i],
-                "frequency differs": data["backbone_frequency_hz"][i] / frequency - 1.0,
+                "frequency differs": natural[i] / frequency - 1.0,
                 "amplitude differs": expected[i] / amplitude - 1.0,
                 "damping ratio": damping[i],
                 "mean moved": (mean[i] - mean[0]) / amplitude,
@@ -136,10 +180,10 @@ def main() -> None:
     options.folder.mkdir(parents=True, exist_ok=True)
     found = {}
     for scene in options.scenes:
-        path = options.folder / f"{scene}.peaks.h5"
-        if not (options.kept and path.is_file()):
-            path = followed(scene, options.folder)
-        found[scene] = compared(path)
+        for ending, follow in (("peaks", follow_peaks), ("mode", follow_mode)):
+            if not (options.kept and (options.folder / f"{scene}.{ending}.h5").is_file()):
+                follow(scene, options.folder)
+        found[scene] = compared(scene, options.folder)
     if options.picture:
         draw(found, options.picture)
     common.report({scene: {"worst": worst(rows), "peaks": rows} for scene, rows in found.items()})

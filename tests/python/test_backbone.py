@@ -20,8 +20,8 @@ from attrito.library.peak_tracker import PeakTracker
 from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
-from attrito.peaks.backbone import BackboneTracker, follow_backbone
-from attrito.peaks.curve import BackbonePoint, Found
+from attrito.peaks.backbone import BackboneTracker, follow_backbone, lost_in_words
+from attrito.peaks.curve import Backbone, BackbonePoint, Found
 from attrito.peaks.file import read_backbone, read_peaks
 from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
 
@@ -207,3 +207,8 @@ def test_a_backbone_that_cannot_be_is_a_fault_of_the_job(tmp_path, capfd, change
             load["harmonic"] = change["harmonic"]
     done = jobs.attrito_here(tmp_path, capfd, "peak", jobs.write_job(tmp_path, made))
     assert done.returncode == 2 and "[peak] backbone = True" in done.stderr and told in done.stderr
+
+
+def test_a_backbone_without_points_is_warned_of():
+    assert lost_in_words(None) == []
+    assert "no backbone was found" in lost_in_words(Backbone(1, [], [None]))[0]

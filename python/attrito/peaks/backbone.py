@@ -97,6 +97,16 @@ def follow_backbone(tracker: BackboneTracker, modal_amplitude: float, peaks: lis
     return Backbone(tracker.mode, [stretch for stretch in stretches if stretch], at_peaks)
 
 
+def lost_in_words(backbone: Backbone | None) -> list[str]:
+    """A warning of a backbone without points."""
+    if backbone is None or backbone.stretches:
+        return []
+    return [
+        "no backbone was found: it begins at the mode with all pairs stuck, those that are open at rest too, which"
+        " carries most of the first peak; `attrito mode` begins at the tangent mode"
+    ]
+
+
 def _below(tracker: BackboneTracker, modal_amplitude: float, level: float) -> BackbonePoint:
     """A point of a smaller level, near it."""
     point = tracker.begin(modal_amplitude)

@@ -16,7 +16,7 @@ from attrito.job.job import Job, peak_path
 from attrito.library.peak_tracker import Peak, PeakTracker
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
-from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode
+from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode, lost_in_words
 from attrito.peaks.curve import Backbone, Ending, Found, elasticity, ending_of
 from attrito.peaks.file import higher_in_words, jumps_in_words, table, write
 from attrito.peaks.fixed_series import fixed_series, is_enough
@@ -93,7 +93,7 @@ def _follow_and_show(
         progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
 
     parameter = job["peak"]["parameter"]
-    progress.warn([*jumps_in_words(found, parameter), *higher_in_words(found, parameter)])
+    progress.warn([*jumps_in_words(found, parameter), *higher_in_words(found, parameter), *lost_in_words(backbone)])
 
     def show() -> str:
         from attrito.peaks.plot import peak_curve
