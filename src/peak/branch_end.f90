@@ -8,8 +8,8 @@ module attrito_peak_branch_end
   use attrito_solve_snapshot, only: restore
   use attrito_solve_solver, only: solver_type
   use attrito_solve_strategies, only: solve_by_strategies
-  use attrito_continuation_tangent, only: frequency_tangent, reverse
-  use attrito_peak_climb, only: branch_seed_type, look_around, first_leap, ripple
+  use attrito_continuation_tangent, only: frequency_tangent
+  use attrito_peak_climb, only: branch_seed_type, face_uphill, look_around, first_leap, ripple
   use attrito_peak_condition, only: problem_type
   implicit none
   private
@@ -20,7 +20,7 @@ module attrito_peak_branch_end
 
 contains
 
-  !> From the last point of a response that was climbed to its end. The solver stands at the end.
+  !> From the last point of a response that was climbed to its end, where the solver is left.
   subroutine look_beyond(problem, solver, iterations, found, drifts)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
@@ -38,15 +38,8 @@ contains
 
     found = .false.
     drifts = .false.
-    call solver%solve_at(solver%omega)
-    iterations = iterations + solver%report%iterations
-    if (.not. solver%report%converged) return
-    call look_around(problem, solver, frequency_tangent(solver, 1.0_wp), here, solved)
+    call face_uphill(problem, solver, here, iterations, solved)
     if (.not. solved) return
-    if (here%slope < 0.0_wp) then
-      call reverse(here%tangent)
-      here%slope = -here%slope
-    end if
     ! Beyond the last such point nothing but a mean position moves.
     drifts = .not. here%is_held
     if (drifts) return

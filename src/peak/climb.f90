@@ -23,7 +23,7 @@ module attrito_peak_climb
   use attrito_peak_condition, only: problem_type, direction_type, slope_along, scale_of_motion
   implicit none
   private
-  public :: branch_seed_type, climb, close_in, look_around, take_step, first_leap, ripple
+  public :: branch_seed_type, climb, close_in, face_uphill, look_around, take_step, first_leap, ripple
 
   !> What is left to be gained of A, relative
   real(wp), parameter :: accepted_gain = 1.0e-9_wp ! derived
@@ -75,15 +75,9 @@ contains
 
     found = .false.
     at_corner = .false.
-    call solver%solve_at(solver%omega)
-    iterations = solver%report%iterations
-    if (.not. solver%report%converged) return
-    call look_around(problem, solver, frequency_tangent(solver, 1.0_wp), here, solved)
+    iterations = 0
+    call face_uphill(problem, solver, here, iterations, solved)
     if (.not. solved) return
-    if (here%slope < 0.0_wp) then
-      call reverse(here%tangent)
-      here%slope = -here%slope
-    end if
     length = here%unit*atan(here%slope*here%unit)
     do i = 1, most_points
       ! Where a body begins to drift its mean position alone moves: the response ends.
@@ -100,6 +94,28 @@ contains
       here = next
     end do
   end subroutine climb
+
+  !> The solver's point, with the tangent along which A rises.
+  subroutine face_uphill(problem, solver, here, iterations, solved)
+    !> Whose peak it is, and in what it is followed
+    type(problem_type), intent(in) :: problem
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> The point
+    type(branch_seed_type), intent(out) :: here
+    !> Counts on
+    integer, intent(inout) :: iterations
+    !> Is there such a point?
+    logical, intent(out) :: solved
+
+    call solver%solve_at(solver%omega)
+    iterations = iterations + solver%report%iterations
+    solved = solver%report%converged
+    if (solved) call look_around(problem, solver, frequency_tangent(solver, 1.0_wp), here, solved)
+    if (.not. solved .or. here%slope >= 0.0_wp) return
+    call reverse(here%tangent)
+    here%slope = -here%slope
+  end subroutine face_uphill
 
   !> Tangent and slope where the solver stands.
   subroutine look_around(problem, solver, towards, here, looked)

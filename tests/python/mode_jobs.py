@@ -39,6 +39,16 @@ def rubbing(harmonics: int = 1, stop: float = 2.0e-2) -> Job:
     }
 
 
+def described(amplitude: float) -> tuple[float, float, bool]:
+    """By the describing function, at an amplitude Q: angular frequency, work a period, and whether it slips."""
+    motion = amplitude / np.sqrt(MASS)
+    # Half a loop: sticks from the reversal until the slider has gone 2 limit/kt, then slips.
+    ratio = min(LIMIT / (KT * motion), 1.0)
+    angle = np.arccos(1.0 - 2.0 * ratio)
+    omega = float(np.sqrt((K + KT / np.pi * (angle - np.sin(angle) * np.cos(angle))) / MASS))
+    return omega, 4.0 * LIMIT * (motion - LIMIT / KT) if ratio < 1.0 else 0.0, ratio < 1.0
+
+
 def weakly_damped_wedge() -> Job:
     """The paper's wedge with a tenth of its damping, from where the contact sticks to where it slips."""
     job = wedge()

@@ -168,7 +168,7 @@ def test_a_loop_loses_what_a_jenkins_element_does(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "said"),
     [
         (
             {"preload": 0.0},
@@ -179,11 +179,11 @@ def test_a_loop_loses_what_a_jenkins_element_does(tmp_path: Path) -> None:
         ({"normal": [[0, 1.0]]}, "contact[0] normal_stiffness = 'missing': expected a number above 0, the stiffness"),
     ],
 )
-def test_a_contact_that_is_neither_one_nor_the_other_is_refused(tmp_path: Path, change: dict, told: str) -> None:
+def test_a_contact_that_is_neither_one_nor_the_other_is_refused(tmp_path: Path, change: dict, said: str) -> None:
     job = chain()
     job["contact"][0] |= change
     done = run(tmp_path, job, code=2)
-    assert told in done.stderr
+    assert said in done.stderr
 
 
 def test_a_derivative_by_a_gap_that_is_not_there_is_refused(tmp_path: Path) -> None:

@@ -6,21 +6,15 @@ import h5py
 import numpy as np
 import pytest
 from jobs import attrito, chain, table, write_job
-from mode_jobs import KT, LIMIT, MASS, K, cut_short, follow, rubbing, weakly_damped_wedge
+from mode_jobs import KT, MASS, K, cut_short, described, follow, rubbing, weakly_damped_wedge
 
 
 def test_one_harmonic_of_a_coulomb_element_has_the_frequency_and_damping_of_its_describing_function(tmp_path):
     rows = follow(tmp_path, rubbing())
     slipping = 0
     for row in rows:
-        amplitude = row["amplitude"] / np.sqrt(MASS)
-        # Half a loop: sticks from the reversal until the slider has gone 2 limit/kt, then slips.
-        ratio = min(LIMIT / (KT * amplitude), 1.0)
-        slipping += ratio < 1.0
-        angle = np.arccos(1.0 - 2.0 * ratio)
-        real = KT / np.pi * (angle - np.sin(angle) * np.cos(angle))
-        work = 4.0 * LIMIT * (amplitude - LIMIT / KT) if ratio < 1.0 else 0.0
-        omega = np.sqrt((K + real) / MASS)
+        omega, work, slips = described(row["amplitude"])
+        slipping += slips
         assert row["frequency_hz"] == pytest.approx(omega / (2 * np.pi), rel=1e-8)
         assert row["dissipated_energy"] == pytest.approx(work, rel=1e-8, abs=1e-12)
         assert row["damping_ratio"] == pytest.approx(work / (2 * np.pi * (omega * row["amplitude"]) ** 2), abs=1e-10)

@@ -176,9 +176,9 @@ def test_points_above_the_tolerance_and_without_an_estimate_are_counted_first(tm
         estimate=[1e-3, 2e-2, np.nan, np.nan],
     )
     with Result(path) as result:
-        told = glance(View(result))
-    assert ("2 points are above the tolerance, or of unknown error: 91 to 92 Hz.", True) in told
-    assert ("2 points are without an estimated error: 92 to 93 Hz.", True) in told
+        lines = glance(View(result))
+    assert ("2 points are above the tolerance, or of unknown error: 91 to 92 Hz.", True) in lines
+    assert ("2 points are without an estimated error: 92 to 93 Hz.", True) in lines
 
 
 def test_sliders_that_drift_are_no_examination_of_stability(tmp_path):
@@ -186,18 +186,18 @@ def test_sliders_that_drift_are_no_examination_of_stability(tmp_path):
         tmp_path / "r.h5", [90.0, 91.0], {"tip": [1.0, 2.0]}, outcome=["converged", "indeterminate"]
     )
     with Result(path) as result:
-        told = glance(View(result))
-    assert ("Stability was not examined ([stability] method).", False) in told
-    assert ("1 point is indeterminate: sliders still move from period to period.", True) in told
-    assert not any("stable." in line for line, _ in told)
+        lines = glance(View(result))
+    assert ("Stability was not examined ([stability] method).", False) in lines
+    assert ("1 point is indeterminate: sliders still move from period to period.", True) in lines
+    assert not any("stable." in line for line, _ in lines)
     with h5py.File(path, "r+") as file:
         reasons = ["", "a multiplier is too near the unit circle"]
         file.create_dataset("stability/reason", data=reasons, dtype=h5py.string_dtype())
         file["points/stable"][:] = [1, -1]
     with Result(path) as result:
-        told = glance(View(result))
-    assert ("1 points are stable. No point that was examined is unstable.", False) in told
-    assert ("1 points have no verdict on their stability.", True) in told
+        lines = glance(View(result))
+    assert ("1 points are stable. No point that was examined is unstable.", False) in lines
+    assert ("1 points have no verdict on their stability.", True) in lines
 
 
 def test_a_report_says_of_how_many_families_the_reach_is_not_known_and_that_the_mean_was_frozen(tmp_path):
