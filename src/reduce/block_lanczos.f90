@@ -6,6 +6,8 @@
 !> A is self-adjoint in M, so H is symmetric. Every block is made orthogonal to all before it, twice. The residual of a pair is known
 !> without the vector, |A v - theta v|_M = |R_{j+1} y_j|. When the space is full the best Ritz vectors and the block that is next
 !> start it anew. What of a block lies in the space already is dropped (so are motions without mass, which A does not reach).
+!> Products round by a part of the largest theta: a residual as small as that says no more. Without this floor the modes of a body
+!> that floats, whose rigid motions have a theta millions of times as large, never count as converged.
 !> Sources: Grimes, Lewis & Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228-272, doi:10.1137/S0895479888151111; Wu & Simon, SIAM J.
 !> Matrix Anal. Appl. 22 (2000) 602-616, doi:10.1137/S0895479898334605 (thick restart).
 module attrito_reduce_block_lanczos
@@ -38,10 +40,12 @@ module attrito_reduce_block_lanczos
   real(wp), parameter :: nothing = 1.0e-13_wp ! derived
   !> Singular values that a round resolves, relative to its largest
   real(wp), parameter :: resolved = 1.0e-4_wp ! guess
+  !> Restarts at most
+  integer, parameter :: most_restarts = 200 ! conventional
 
 contains
 
-  !> Find the lowest modes, or all that there are.
+  !> Find the lowest modes, or all that there are; fewer where no more converge.
   subroutine new_lanczos(self, pencil, start, wanted, room, tolerance, status)
     !> The space, and what was found
     type(lanczos_type), intent(out) :: self
@@ -58,7 +62,7 @@ contains
     !> Not 0: a product or a solve failed
     integer, intent(out) :: status
     real(wp), allocatable :: block(:, :), inertia(:, :), next(:, :), r(:, :), theta(:), y(:, :)
-    integer :: converged
+    integer :: converged, restarts
 
     allocate (self%v(size(start, 1), room), self%h(room, room))
     self%h = 0.0_wp
@@ -68,6 +72,7 @@ contains
     call pencil%mass(start, inertia, status)
     if (status == 0) call pencil%solve(inertia, block, status)
     if (status == 0) call self%orthonormalise(pencil, block, inertia, r, status)
+    restarts = 0
     do while (status == 0)
       call self%expand(pencil, block, inertia, next, status)
       if (status == 0) call self%orthonormalise(pencil, next, inertia, r, status)
@@ -75,7 +80,8 @@ contains
       call ritz(self%h(:self%filled, :self%filled), theta, y)
       converged = count_converged(theta, y, r, size(block, 2), tolerance)
       call pencil%report(min(converged, wanted))
-      if (converged >= wanted .or. size(next, 2) == 0) then
+      if (self%filled + size(next, 2) > room) restarts = restarts + 1
+      if (converged >= wanted .or. size(next, 2) == 0 .or. restarts > most_restarts) then
         if (size(next, 2) == 0) converged = count(theta > nothing*theta(1))
         call turn(self%v(:, :self%filled), y(:, :min(converged, wanted)))
         self%eigenvalues = 1.0_wp/theta(:min(converged, wanted))
@@ -286,7 +292,7 @@ contains
     y = y(:, size(theta):1:-1)
   end subroutine ritz
 
-  !> Leading pairs whose residuals are small.
+  !> Leading pairs whose residuals are small, or no more than rounding.
   pure integer function count_converged(theta, y, r, last, tolerance) result(converged)
     !> Ritz values, descending; ritz vectors in the space, a column each; coefficients of the block in q
     real(wp), intent(in) :: theta(:), y(:, :), r(:, :)
@@ -299,7 +305,7 @@ contains
     do converged = 0, size(theta) - 1
       if (theta(converged + 1) <= 0.0_wp) return
       rest = matmul(r, y(size(theta) - last + 1:, converged + 1))
-      if (norm2(rest) > tolerance*theta(converged + 1)) return
+      if (norm2(rest) > max(tolerance*theta(converged + 1), epsilon(1.0_wp)*theta(1))) return
     end do
     converged = size(theta)
   end function count_converged

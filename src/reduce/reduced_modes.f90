@@ -3,8 +3,9 @@
 !> $$ \tilde K \phi = \lambda \tilde M \phi, \qquad \phi^T \tilde M \phi = 1 $$
 !>
 !> Of a small model by LAPACK, all of them. Of a large one by block Lanczos on K + s M, which is definite though the structure floats;
-!> twice as many as long as the highest is not above those that are asked for. n^3/3 operations of a Cholesky factorisation, where
-!> LAPACK's n^3 reduce to a standard problem and as many again to tridiagonal form, half of them bound by memory.
+!> twice as many as long as the highest is not above those that are asked for, and by LAPACK where they do not converge. n^3/3
+!> operations of a Cholesky factorisation, where LAPACK's n^3 reduce to a standard problem and as many again to tridiagonal form,
+!> half of them bound by memory.
 module attrito_reduce_reduced_modes
   use attrito_core_cholesky, only: factor_positive, solve_positive
   use attrito_core_communicator, only: own_communicator
@@ -32,7 +33,7 @@ module attrito_reduce_reduced_modes
   !> Residual of a mode relative to its eigenvalue
   real(wp), parameter :: tolerance = 1.0e-12_wp ! conventional
   !> s as a part of the eigenvalue up to which modes are sought, and by what it grows while rounding leaves K + s M indefinite
-  real(wp), parameter :: shift_part = 1.0e-6_wp, shift_growth = 100.0_wp ! guess
+  real(wp), parameter :: shift_part = 1.0e-4_wp, shift_growth = 100.0_wp ! guess
   !> Steps of the power method: enough for the largest eigenvalue's order of magnitude
   integer, parameter :: power_steps = 20 ! guess
 
@@ -60,8 +61,7 @@ contains
     n = size(stiffness, 1)
     largest = 0.0_wp
     if (n <= small) then
-      call symmetric_eigenpairs(stiffness, inertia, eigenvalues, shapes, info)
-      if (info == 0 .and. n > 0) largest = eigenvalues(n)
+      call find_all(stiffness, inertia, eigenvalues, shapes, largest, info)
       return
     end if
     call find_largest(stiffness, inertia, largest, info)
@@ -70,11 +70,30 @@ contains
     sought = first_sought
     do
       call find_lowest(pencil, shift, sought, eigenvalues, shapes, info)
-      if (info /= 0 .or. size(eigenvalues) < sought .or. sought == n) return
+      if (info /= 0) return
+      if (size(eigenvalues) < sought) exit
+      if (sought == n) return
       if (eigenvalues(sought) > top .or. count(eigenvalues > rigid*largest) >= most) return
       sought = min(2*sought, n)
     end do
+    call find_all(stiffness, inertia, eigenvalues, shapes, largest, info)
   end subroutine find_reduced_modes
+
+  !> All modes, by LAPACK.
+  subroutine find_all(stiffness, inertia, eigenvalues, shapes, largest, info)
+    !> K and M [n, n]
+    real(wp), intent(in), contiguous :: stiffness(:, :), inertia(:, :)
+    !> Ascending; shapes in columns
+    real(wp), allocatable, intent(out) :: eigenvalues(:), shapes(:, :)
+    !> The largest eigenvalue, 0 of an empty model
+    real(wp), intent(out) :: largest
+    !> Not 0: the mass is not positive definite
+    integer, intent(out) :: info
+
+    call symmetric_eigenpairs(stiffness, inertia, eigenvalues, shapes, info)
+    largest = 0.0_wp
+    if (info == 0 .and. size(eigenvalues) > 0) largest = eigenvalues(size(eigenvalues))
+  end subroutine find_all
 
   !> The largest eigenvalue's order of magnitude, from below, by the power method.
   subroutine find_largest(stiffness, inertia, largest, info)
@@ -124,7 +143,7 @@ contains
     end do
   end subroutine new_dense_pencil
 
-  !> So many of the lowest modes, or all there are.
+  !> So many of the lowest modes, or all there are; fewer where no more converge.
   subroutine find_lowest(pencil, shift, sought, eigenvalues, shapes, info)
     !> K + s M, and M
     type(dense_pencil_type), intent(in) :: pencil
