@@ -61,9 +61,14 @@ def plain(value: Any) -> Any:
     return os.fspath(value) if isinstance(value, os.PathLike) else value
 
 
-def check_job(raw: dict[str, Any], path: str, excited: bool = True) -> Job:
-    """Check the tables of a job that is called `path`; see `read_job`."""
+def check_job(raw: dict[str, Any], path: str, excited: bool = True, like: Job | None = None) -> Job:
+    """Check the tables of a job that is called `path`; see `read_job`.
+
+    `like`: one that differs in a few numbers. Values that are its own objects were checked with it, and are not again,
+    which of a long job takes longer than much that is solved.
+    """
     faults: list[Fault] = []
+    before = {} if like is None else like.tables
     tables: dict[str, Any] = {}
     known = sorted(TABLES | ARRAYS)
     for name in raw:
@@ -80,7 +85,8 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True) -> Job:
                 needed = keys | {"monitors": replace(keys["monitors"], required=False)}
                 # An empty list is none, too.
                 table = {key: value for key, value in table.items() if key != "monitors" or value != []}
-            tables[name] = _check_table(path, f"[{name}]", table, needed, faults, required=name in raw)
+            there = before.get(name, {})
+            tables[name] = _check_table(path, f"[{name}]", table, needed, faults, there, required=name in raw)
         else:
             faults.append(Fault(path, f"[{name}]", "missing", f"a table with {', '.join(keys)}"))
             tables[name] = {key: spec.default for key, spec in keys.items()}
@@ -89,7 +95,11 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True) -> Job:
         if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
             faults.append(Fault(path, name, type(rows).__name__, f"tables [[{name}]]"))
             rows = []
-        tables[name] = [_check_table(path, f"{name}[{i}]", row, keys, faults) for i, row in enumerate(rows)]
+        there = before.get(name, [{}] * len(rows))
+        tables[name] = [
+            _check_table(path, f"{name}[{i}]", row, keys, faults, old)
+            for i, (row, old) in enumerate(zip(rows, there, strict=True))
+        ]
     job = Job(path, tables, frozenset(raw))
     fill_accuracy(job)
     if not excited and tables["output"]["monitors"] is None:
@@ -101,10 +111,19 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True) -> Job:
 
 
 def _check_table(
-    path: str, place: str, table: dict[str, Any], keys: dict[str, Key], faults: list[Fault], required: bool = True
+    path: str,
+    place: str,
+    table: dict[str, Any],
+    keys: dict[str, Key],
+    faults: list[Fault],
+    known: dict[str, Any],
+    required: bool = True,
 ) -> dict[str, Any]:
     checked = {name: key.default for name, key in keys.items()}
     for name, value in table.items():
+        if name in known and value is known[name]:
+            checked[name] = value
+            continue
         if name not in keys:
             faults.append(Fault(path, f"{place} {name}", value, "a known key: " + ", ".join(keys)))
             continue
@@ -113,6 +132,6 @@ def _check_table(
         except ValueError as error:
             faults.append(Fault(path, f"{place} {name}", value, str(error)))
     for name, key in keys.items():
-        if required and key.required and name not in table:
+        if required and key.required and table.get(name) is None:
             faults.append(Fault(path, f"{place} {name}", "missing", "this key to be given"))
     return checked

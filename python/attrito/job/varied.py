@@ -80,12 +80,13 @@ def with_values(job: Job, values: Sequence[tuple[Varied, float]], path: str, tab
     InputError : faults of the job, as those of the values
     """
     touched = {_table(key) for varied, _ in values for key in varied.keys}
-    tables = plain({name: table for name, table in job.tables.items() if name in job.given | touched})
+    tables = {name: table for name, table in job.tables.items() if name in job.given | touched}
     for varied, value in values:
         for key in varied.keys:
+            tables = _copied_along(tables, _steps(key))
             set_value(tables, key, value, varied.factor)
     try:
-        return check_job(tables, job.path, excited)
+        return check_job(tables, job.path, excited, job)
     except InputError as error:
         shown = ", ".join(f"{varied.name} = {value:g}" for varied, value in values)
         raise InputError(
@@ -117,6 +118,21 @@ def is_of_model(key: str) -> bool:
     return _table(key) in MODEL_TABLES and not of_law and key != ENGINE_ORDER
 
 
+def _copied_along(value: Any, steps: Sequence[str]) -> Any:
+    """What a path leads through as copies, all else as it is."""
+    if steps and isinstance(value, dict) and steps[0] in value:
+        return value | {steps[0]: _copied_along(value[steps[0]], steps[1:])}
+    if steps and isinstance(value, list):
+        chosen = range(len(value)) if steps[0] == "*" else (int(steps[0]),)
+        return [_copied_along(item, steps[1:]) if i in chosen else item for i, item in enumerate(value)]
+    return value
+
+
+def _steps(key: str) -> list[str]:
+    """Names and places that a path goes by; `*` for every entry of a list."""
+    return re.findall(r"\w+|\*", key)
+
+
 def _table(key: str) -> str:
     found = re.match(r"\w*", key)
     return found.group() if found is not None else ""
@@ -132,7 +148,7 @@ def places(tables: dict[str, Any], key: str) -> list[tuple[Any, Any]]:
     found: list[tuple[Any, Any]] = [({"": tables}, "")]
     if not re.fullmatch(r"\w+(\.\w+|\[(\d+|\*)\])*", key):
         raise ValueError('a path such as "contact[0].friction_coefficient" or "static.load_path[1]"')
-    for step in re.findall(r"\w+|\*", key):
+    for step in _steps(key):
         ahead: list[tuple[Any, Any]] = []
         for container, index in found:
             inner = container[index]

@@ -19,6 +19,7 @@ from attrito.library.session import Options, Solver
 from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode, lost_in_words
 from attrito.peaks.curve import Backbone, Ending, Found, elasticity, ending_of
 from attrito.peaks.file import higher_in_words, jumps_in_words, table, write
+from attrito.peaks.first import band_of, begin, monitor_of
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.higher import Followed, HigherPeaks
 from attrito.runs.followed import follow_job
@@ -116,7 +117,7 @@ def _derivatives(differentiator: Differentiator, job: Job, scene: ReducedScene, 
     preload = found.peak.parameter if job["peak"]["parameter"] == "preload" else 1.0
     if not len(differentiator.values):
         return np.empty((2, 0))
-    return differentiator.of_peak(found.peak.point, _monitor(job, scene), found.peak.at_corner, preload)
+    return differentiator.of_peak(found.peak.point, monitor_of(job, scene), found.peak.at_corner, preload)
 
 
 @contextlib.contextmanager
@@ -193,29 +194,16 @@ def _look_about(solver: Solver, tracker: PeakTracker, looking: HigherPeaks | Non
     return Found(moved, "value", higher=higher, moved=True)
 
 
-def begin(
-    solver: Solver, job: Job, scene: ReducedScene, load_path: np.ndarray, value: float
-) -> tuple[PeakTracker, Peak]:
-    """Follow the static path and find the first peak, at a value of the job's parameter."""
-    keys = job["peak"]
-    by_level = keys["parameter"] == "level"
-    band = (min(_band(job)), max(_band(job)))
-    solver.follow_static_path(load_path * (1.0 if by_level else value), job["static"]["steps"], band[0])
-    tracker = PeakTracker(solver, _monitor(job, scene), keys["amplitude"], band, load_path[-1])
-    near = keys["near_hz"] if keys["near_hz"] is not None else tracker.linear_peak_hz()
-    return tracker, tracker.begin(value if by_level else keys["level"], near)
-
-
 @contextlib.contextmanager
 def _looking(
     comm: Comm, job: Job, options: Options, scene: ReducedScene, load_path: np.ndarray
 ) -> Iterator[HigherPeaks | None]:
     """What looks for higher peaks at the values asked for; None where the job does not want it."""
-    keys, band = job["peak"], (min(_band(job)), max(_band(job)))
+    keys, band = job["peak"], band_of(job)
     if not keys["look_for_higher"]:
         yield None
         return
-    monitor, steps = _monitor(job, scene), job["static"]["steps"]
+    monitor, steps = monitor_of(job, scene), job["static"]["steps"]
     chosen = keys["near_hz"] is not None
     with HigherPeaks(comm, scene, options, load_path, steps, monitor, keys["amplitude"], band, chosen) as looking:
         yield looking
@@ -232,9 +220,9 @@ def follow_mode(
 ) -> Backbone:
     """The backbone of a mode over the levels of the peaks found; `leading`: that of `leading_mode` at the first."""
     with Solver(comm, scene, options) as solver:
-        solver.follow_static_path(load_path, job["static"]["steps"], min(_band(job)))
+        solver.follow_static_path(load_path, job["static"]["steps"], band_of(job)[0])
         mode, amplitude = leading
-        tracker = BackboneTracker(solver, mode, _monitor(job, scene), job["peak"]["amplitude"])
+        tracker = BackboneTracker(solver, mode, monitor_of(job, scene), job["peak"]["amplitude"])
         return follow_backbone(tracker, amplitude, found)
 
 
@@ -281,12 +269,6 @@ def line(found: Found, parameter: str) -> str:
     )
 
 
-def _monitor(job: Job, scene: ReducedScene) -> int:
-    """Index of the monitor whose peak it is."""
-    name = job["peak"]["monitor"]
-    return scene.monitor_names.index(name) if name is not None else 0
-
-
 def _stops(keys: dict[str, Any]) -> list[float]:
     """Values to stop at, in the order of the curve."""
     low, high = sorted((keys["start"], keys["stop"]))
@@ -299,11 +281,6 @@ def _is_between(before: Peak, after: Peak, parameter: str) -> bool:
     if sum(before.point.states[2:]) == 0 or sum(after.point.states[2:]) == 0:
         return False
     return elasticity(before, parameter) * elasticity(after, parameter) < 0.0
-
-
-def _band(job: Job) -> list[float]:
-    sweep = job["sweep"]
-    return sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]]
 
 
 def _ending(job: Job, found: list[Found]) -> Ending:
@@ -333,8 +310,10 @@ def _check(job: Job) -> None:
     names = [monitor["name"] for monitor in job["output"]["monitors"]]
     if keys["monitor"] not in (None, *names):
         faults.append(job.fault("[peak] monitor", keys["monitor"], "one of " + ", ".join(names)))
-    if min(_band(job)) == max(_band(job)):
-        faults.append(job.fault("[sweep] frequencies_hz", _band(job), "a band, in which the peak is looked for"))
+    low, high = band_of(job)
+    if low == high:
+        shown = job["sweep"]["frequencies_hz"] or [low, high]
+        faults.append(job.fault("[sweep] frequencies_hz", shown, "a band, in which the peak is looked for"))
     if keys["parameter"] == "preload":
         if job["balance"]["approach"] == "uncoupled":
             expected = '"level": uncoupled, the mean is frozen and does not follow the preload'

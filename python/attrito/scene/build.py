@@ -12,20 +12,15 @@ from typing import Any
 import numpy as np
 from scipy.sparse import csr_matrix, vstack
 
-from attrito.importers import check_matrices, read_matrices
+from attrito.importers.check import check_matrices
 from attrito.job.cyclic import is_cyclic, nodal_diameter_in_words
 from attrito.job.job import Job
 from attrito.job.laws import LAW_KEYS, RULES
 from attrito.library.names import LAWS
-from attrito.model.face_sets import pair_faces
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
-from attrito.model.pairing import pair_sets
-from attrito.model.pairs import contact_rows
-from attrito.model.sector import beside_the_next, rows_across
 from attrito.scene.coriolis import take_coriolis
 from attrito.scene.dofs import DofResolver
-from attrito.scene.gap_file import read_gaps
 from attrito.scene.loads import build_loads, check_base_holds, soften, spin_faults
 from attrito.scene.scene import Contacts, Scene
 from attrito.scene.sector import build_sector, check_mass_of_sector, wheel_axis
@@ -138,6 +133,9 @@ def load_model(job: Job) -> Model:
             where[name] = job.file(source) if isinstance(source, str) else f"{job.path}: [model]"
             if source is not None:
                 sources[name] = job.file(source) if isinstance(source, str) else source
+        # What reads, and what pairs below, is loaded by jobs that ask for it.
+        from attrito.importers import read_matrices
+
         parts = read_matrices(sources, "[model] {}", job.path)
         model = Model(parts.matrices["stiffness"], parts.matrices["mass"], parts.matrices.get("damping"))
         model.dof_node, model.dof_direction = parts.node, parts.direction
@@ -252,14 +250,22 @@ def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> _Block:
     begun = time.perf_counter()
     meeting, rotation = model, None
     if keys["across"]:
+        from attrito.model.sector import beside_the_next
+
         meeting, rotation = beside_the_next(model, keys["b"], wheel_axis(job), job["cyclic"]["sectors"])
     sets = meeting, keys["a"], keys["b"], keys["tolerance"], keys["tangents"]
     if keys["pairing"] == "node":
+        from attrito.model.pairing import pair_sets
+
         pairs = pair_sets(*sets, job.path, place)
     else:
+        from attrito.model.face_sets import pair_faces
+
         pairs = pair_faces(*sets, keys["points"] or "node", job.path, place)
     gaps = np.zeros(len(pairs.area))
     if keys["gap_file"] is not None:
+        from attrito.scene.gap_file import read_gaps
+
         gaps = read_gaps(job.file(keys["gap_file"]), model, pairs)
     count = len(pairs.node_a)
     where = {
@@ -273,9 +279,13 @@ def _paired(job: Job, model: Model, keys: dict[str, Any], place: str) -> _Block:
     }
     tangents = np.full(count, keys["tangents"], dtype=np.int32)
     if rotation is None:
+        from attrito.model.pairs import contact_rows
+
         rows = contact_rows(pairs, model)
         next_rows = csr_matrix(rows.shape)
     else:
+        from attrito.model.sector import rows_across
+
         rows, next_rows = rows_across(pairs, model, rotation)
     notes = [*pairs.notes, _cost_of_pairing(rows, count, time.perf_counter() - begun)]
     return _Block(tangents, rows, next_rows, where, gaps, [f"{place}: {note}" for note in notes])

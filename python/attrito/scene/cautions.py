@@ -43,10 +43,10 @@ def of_damping(scene: ReducedScene) -> list[str]:
 
     Only a damping matrix can do that.
     """
-    from scipy.linalg import eigh
-
     if scene.damping is None or _is_positive(scene.damping):
         return []
+    from scipy.linalg import eigh
+
     found = []
     scene = all_alike(scene)
     tangents = np.asarray(scene.laws["tangents"])

@@ -17,8 +17,8 @@ from attrito.library.peak_tracker import Peak, PeakTracker, Start
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
+from attrito.peaks.first import begin
 from attrito.peaks.fixed_series import fixed_series, is_enough
-from attrito.peaks.run import begin
 from attrito.scene.rom_file import Rom
 from attrito.scene.scene import Scene
 from attrito.studies.samples import Samples
