@@ -20,6 +20,8 @@ Response = Callable[[float], tuple[float, float, float]]
 class Known:
     """What a family is asked for, of a response that is known."""
 
+    tolerance = 1e-10
+
     def __init__(self, response: Response, frequency_hz: float):
         self.response, self.frequency_hz, self.kept = response, frequency_hz, frequency_hz
 
@@ -67,6 +69,18 @@ def corner(frequency: float) -> tuple[float, float, float]:
 @pytest.mark.parametrize("near", [100.0, 100.0 * (1 + 0.1 * NEAREST), 100.0 * (1 - 3e-8), 100.0 * (1 + 1e-6)])
 def test_a_corner_moves_to_where_both_branches_are_equal(near: float) -> None:
     assert slopes_of(corner, near, at_corner=True) == pytest.approx([31.0 / 8.0, 5.0 / 8.0], rel=1e-12)
+
+
+def test_derivatives_of_a_corner_are_those_where_points_are_sure_of_their_side() -> None:
+    """Nearer to it than points are solved to, a contact that begins to slip is taken for either."""
+
+    def unsure(frequency: float) -> tuple[float, float, float]:
+        # So flat that the nearest points are within what points are solved to
+        amplitude, by_parameter, by_frequency = corner(100.0 + 1e-3 * (frequency - 100.0))
+        is_sure = amplitude < (1.0 - 10.0 * Known.tolerance) * corner(100.0)[0]
+        return amplitude, by_parameter if is_sure else 1e3, 1e-3 * by_frequency
+
+    assert slopes_of(unsure, 100.0, at_corner=True) == pytest.approx([31.0 / 8.0, 5e3 / 8.0], rel=1e-12)
 
 
 def test_the_height_of_a_smooth_peak_is_what_is_left_where_the_slope_vanishes() -> None:

@@ -54,6 +54,11 @@ class Family:
         # Why visits were to stop, on every rank; empty: nothing asked for it
         self.stopped = ""
 
+    @property
+    def tolerance(self) -> float:
+        """What points are solved to."""
+        return self._solver.tolerance
+
     def ask(self, inquiry: Inquiry) -> None:
         """Say what derivatives are asked for from now on. Collective."""
         inquiry.tell(self._solver)

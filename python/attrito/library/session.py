@@ -233,6 +233,11 @@ class Solver:
         yield from self.go_on()
 
     @property
+    def tolerance(self) -> float:
+        """What points are solved to."""
+        return self._options.tolerance
+
+    @property
     def slider_width(self) -> int:
         """How many numbers the sliders of a contact take."""
         return slider_width(self._scene.laws)

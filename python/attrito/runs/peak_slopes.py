@@ -22,6 +22,9 @@ NEAREST, FARTHEST = 1e-9, 1e-4
 GROWTH = 4.0
 # Relative difference of the amplitudes at the two points beyond which the response jumps between them
 JUMP = 1e-6
+# By so many times what points are solved to amplitudes there differ from the peak's: nearer to it a contact may slip by
+# that alone, and what it does is not that of its side
+CERTAIN = 100.0
 # Derivatives of the amplitude at the present member by the parameters, and last by the frequency, or None
 Find = Callable[[Family], "np.ndarray | None"]
 
@@ -43,7 +46,7 @@ def of_peak(
             # What its place is missed by is left out to first order.
             return np.array([found[:-1] + found[-1] * np.nan_to_num(frequency), frequency])
         both = found, found
-    both = beside(family, monitor, frequency_hz, find) or both
+    both = beside(family, monitor, frequency_hz, find, CERTAIN * family.tolerance if at_corner else 0.0) or both
     if both is None:
         return None
     rising, falling = both
@@ -53,10 +56,13 @@ def of_peak(
     return np.array([height, frequency if at_corner else np.full_like(frequency, np.nan)])
 
 
-def beside(family: Family, monitor: int, frequency_hz: float, find: Find) -> tuple[np.ndarray, np.ndarray] | None:
+def beside(
+    family: Family, monitor: int, frequency_hz: float, find: Find, lower: float = 0.0
+) -> tuple[np.ndarray, np.ndarray] | None:
     """Derivatives at a point where a monitor's amplitude rises, and at one where it falls, next to a peak.
 
-    `[parameters + 1]`, by the frequency per Hz; None where there are no such points or the response jumps.
+    `[parameters + 1]`, by the frequency per Hz; None where there are no such points or the response jumps. `lower`: by
+    which part of the peak amplitudes there are lower at least.
     """
     family.keep(0)
 
@@ -71,7 +77,7 @@ def beside(family: Family, monitor: int, frequency_hz: float, find: Find) -> tup
     found = None
     if (ends := _ends(at)) is not None:
         found = []
-        for part in ends:
+        for part in _apart(at, ends, lower):
             at(part)
             found.append(find(family))
     family.go_back(0)
@@ -107,3 +113,27 @@ def _ends(at: Callable[[float], tuple[float, float] | None]) -> tuple[float, flo
     if below is None or above is None or abs(below[0] - above[0]) > JUMP * above[0]:
         return None
     return low, high
+
+
+def _apart(
+    at: Callable[[float], tuple[float, float] | None], ends: tuple[float, float], lower: float
+) -> tuple[float, float]:
+    """The ends, or places further out at which amplitudes are lower than at the higher of them by a part of it."""
+    if not lower > 0.0:
+        return ends
+    top = max(there[0] for part in ends if (there := at(part)) is not None)
+
+    def outwards(part: float, side: float) -> float:
+        reach, place = NEAREST, part
+        while reach <= FARTHEST:
+            there = at(place)
+            if there is None:
+                break
+            if there[0] <= (1.0 - lower) * top:
+                return place
+            reach *= GROWTH
+            place = part + side * reach
+        # Where amplitudes hardly fall the nearest point is as good as any.
+        return part
+
+    return outwards(ends[0], -1.0), outwards(ends[1], 1.0)
