@@ -158,27 +158,17 @@ typedef struct {
     double kinetic;
     double structural_ratio;
     double drift;
+    int folded;
 } attrito_backbone;
 
-/* Mode (from 1) that carries most of the first harmonic of the session's point, and its coordinate. */
-void attrito_leading_mode(void *handle, int *mode, double *amplitude);
-
-/* The backbone of a mode (from 1) at an amplitude of its coordinate, given by a monitor (from 0). The static path has been
- * followed; the session serves nothing but this backbone from then on. */
-void attrito_begin_backbone(void *handle, int mode, int monitor, int measure, double amplitude, int branch,
-    attrito_backbone *backbone);
-
 /* A mode from a shape with unit modal mass, cosine - i sine, and an angular frequency, at an amplitude of the shape; other shapes
- * of that frequency follow the first, [m, shapes] all together.
+ * of that frequency follow the first, [m, shapes] all together. Its amplitude is that of a monitor (from 0; -1: none).
  * The static path has been followed; the session serves nothing but this mode from then on. */
-void attrito_begin_mode(void *handle, int shapes, const double *cosine, const double *sine, double omega,
-    double amplitude, int branch, attrito_backbone *backbone);
+void attrito_begin_mode(void *handle, int shapes, const double *cosine, const double *sine, double omega, int monitor,
+    int measure, double amplitude, int branch, attrito_backbone *backbone);
 
 /* Ready for a mode, as `attrito_begin_mode` begins one, to go on from a state that was saved. */
 void attrito_prepare_mode(void *handle, int shapes, const double *cosine, const double *sine, double omega);
-
-/* At another amplitude, by long steps from where contacts stick. */
-void attrito_restart_backbone(void *handle, double amplitude, int branch, attrito_backbone *backbone);
 
 /* Followed to another amplitude. */
 void attrito_backbone_at(void *handle, double amplitude, int branch, attrito_backbone *backbone);

@@ -5,7 +5,7 @@ module attrito_api_backbone
   use attrito_core_kinds, only: wp
   use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
-  use attrito_peak_backbone, only: begin_at, begin_backbone, begin_mode, go_to, leading_mode, prepare_mode
+  use attrito_peak_backbone, only: begin_mode, go_to, prepare_mode
   use attrito_peak_condition, only: problem_type
   use attrito_peak_mode_error, only: estimate_mode_errors
   use attrito_api_session, only: session_type, session_of
@@ -20,50 +20,20 @@ module attrito_api_backbone
     !> The mode's coordinate; the negative damping, a part of the mass; level of the loads that would keep the motion up; amplitude of
     !> the monitor; sum_h h^2 X_h^H M X_h; damping ratio of the structure alone; by how much a period moves a slider, the most
     real(c_double) :: modal_amplitude, excitation, level, amplitude, kinetic, structural_ratio, drift
+    !> Does the curve fold between the point before and this one?
+    integer(c_int) :: folded
   end type backbone_type
 
 contains
 
-  !> Mode (from 1) that carries most of the first harmonic of the session's point, and its coordinate.
-  subroutine attrito_leading_mode(handle, mode, amplitude) bind(c)
-    !> Session, see `session_of`
-    type(c_ptr), value :: handle
-    !> Mode
-    integer(c_int), intent(out) :: mode
-    !> Amplitudes of the monitors
-    real(c_double), intent(out) :: amplitude
-    type(session_type), pointer :: session
-
-    session => session_of(handle)
-    call leading_mode(session%solver, mode, amplitude)
-  end subroutine attrito_leading_mode
-
-  !> The backbone of a mode (from 1) at an amplitude of its coordinate, given by a monitor (from 0). The static path has been
-  !> followed; the session serves nothing but this backbone from then on.
-  subroutine attrito_begin_backbone(handle, mode, monitor, measure, amplitude, branch, backbone) bind(c)
-    !> Session, see `session_of`
-    type(c_ptr), value :: handle
-    !> Mode; monitor, from 0; which amplitude, as names are counted; number of the branch
-    integer(c_int), value :: mode, monitor, measure, branch
-    !> Amplitude of the monitor or mode
-    real(c_double), value :: amplitude
-    !> Point of the backbone, reported
-    type(backbone_type), intent(out) :: backbone
-    type(session_type), pointer :: session
-
-    session => session_of(handle)
-    call begin_backbone(session%solver, mode, problem_type(monitor=monitor + 1, measure=measure), amplitude, session%backbone)
-    call describe(session, branch, backbone)
-  end subroutine attrito_begin_backbone
-
   !> A mode from a shape with unit modal mass, cosine - i sine, and an angular frequency, at an amplitude of the shape; other shapes
-  !> of that frequency follow the first, [m, shapes] all together.
+  !> of that frequency follow the first, [m, shapes] all together. Its amplitude is that of a monitor (from 0; -1: none).
   !> The static path has been followed; the session serves nothing but this mode from then on.
-  subroutine attrito_begin_mode(handle, shapes, cosine, sine, omega, amplitude, branch, backbone) bind(c)
+  subroutine attrito_begin_mode(handle, shapes, cosine, sine, omega, monitor, measure, amplitude, branch, backbone) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> How many
-    integer(c_int), value :: shapes
+    !> How many; monitor, from 0; which amplitude of it, as names are counted
+    integer(c_int), value :: shapes, monitor, measure
     !> In the model's coordinates
     real(c_double), intent(in) :: cosine(*), sine(*)
     !> Angular frequency, rad/s; amplitude of the shape
@@ -75,8 +45,8 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call begin_mode(session%solver, shapes_of(session, shapes, cosine, sine), omega, problem_type(monitor=0), amplitude, &
-                    session%backbone)
+    call begin_mode(session%solver, shapes_of(session, shapes, cosine, sine), omega, &
+                    problem_type(monitor=monitor + 1, measure=measure), amplitude, session%backbone)
     call describe(session, branch, backbone)
   end subroutine attrito_begin_mode
 
@@ -110,23 +80,6 @@ contains
       shapes = reshape(cmplx(cosine(:m*count), -sine(:m*count), wp), [m, count])
     end associate
   end function shapes_of
-
-  !> At another amplitude, by long steps from where contacts stick.
-  subroutine attrito_restart_backbone(handle, amplitude, branch, backbone) bind(c)
-    !> Session, see `session_of`
-    type(c_ptr), value :: handle
-    !> Amplitude of the monitor or mode
-    real(c_double), value :: amplitude
-    !> Number of the branch
-    integer(c_int), value :: branch
-    !> Point of the backbone, reported
-    type(backbone_type), intent(out) :: backbone
-    type(session_type), pointer :: session
-
-    session => session_of(handle)
-    call begin_at(session%backbone, session%solver, amplitude)
-    call describe(session, branch, backbone)
-  end subroutine attrito_restart_backbone
 
   !> Followed to another amplitude.
   subroutine attrito_backbone_at(handle, amplitude, branch, backbone) bind(c)
@@ -182,5 +135,6 @@ contains
     backbone%kinetic = session%backbone%kinetic
     backbone%structural_ratio = session%backbone%structural_ratio
     backbone%drift = ended%defect*session%solver%context%motion_scale
+    backbone%folded = merge(1, 0, session%backbone%folded)
   end subroutine describe
 end module attrito_api_backbone

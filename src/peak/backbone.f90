@@ -3,9 +3,12 @@
 !> Where loads would keep the motion up in place of -xi M q' the backbone expects a resonance peak, at omega
 !> (`attrito_peak_resonant_level`). Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
 !>
-!> A mode may also be begun at a given shape phi and frequency, those of the tangent system where contacts are open at rest: the
-!> stuck mode that has most of phi then serves as the coordinate that is held, a = x^T M phi / m times the shape's amplitude. Beside
+!> A mode is begun at a given shape phi and frequency, those of the tangent system: contacts that are open at rest are free there. The
+!> stuck mode that has most of phi serves as the coordinate that is held, a = x^T M phi / m times the shape's amplitude. Beside
 !> other shapes of that frequency, a stuck mode is held for each, chosen by elimination so that they tell all mixtures apart.
+!>
+!> Where the curve folds in a no step along it is solved, however short. What leaps then find farther on lies on another part of it,
+!> which a flag says.
 module attrito_peak_backbone
   use attrito_core_kinds, only: wp
   use attrito_linear_damping, only: damping_of_harmonic
@@ -18,64 +21,22 @@ module attrito_peak_backbone
   use attrito_peak_slider_creep, only: creep
   implicit none
   private
-  public :: begin_backbone, prepare_mode, begin_mode, leading_mode, begin_at, go_to
+  public :: prepare_mode, begin_mode, go_to
 
   !> Amplitudes to begin at, from one to the next; logarithms of the longest step and the least
   real(wp), parameter :: amplitude_ratio = 0.25_wp, longest_step = 0.4_wp, shortest_step = 1.0e-4_wp ! guess
   integer, parameter :: most_amplitudes = 7 ! conventional
+  !> Leaps over a fold: logarithm of the first, from one to the next, how many; folds on the way to one amplitude, at most
+  real(wp), parameter :: first_leap = 5.0e-3_wp, leap_ratio = 1.25_wp ! guess
+  integer, parameter :: most_leaps = 24, most_folds = 3 ! guess
   !> How far beyond the last two points their line is followed, parts of their distance
   real(wp), parameter :: farthest_line = 3.0_wp ! guess
 
 contains
 
-  !> Mode of the stuck system that carries most of the first harmonic where the solver stands, and its coordinate there.
-  subroutine leading_mode(solver, mode, amplitude)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Number of the mode
-    integer, intent(out) :: mode
-    !> Modulus of the mode's coordinate
-    real(wp), intent(out) :: amplitude
-    complex(wp), allocatable :: coordinates(:)
-    real(wp), allocatable :: stiffness(:), mass(:), damping(:)
-
-    associate (stuck => solver%stuck, balance => solver%context%balance)
-      coordinates = stuck%coordinates_at(solver%structure, 1, balance%receptance%recover(1, balance%response(:, 1)))
-      call stuck%modal_at(1, stiffness, mass, damping)
-      mode = maxloc(stiffness*abs(coordinates)**2, 1)
-      amplitude = abs(coordinates(mode))
-    end associate
-  end subroutine leading_mode
-
-  !> Turn the solver, at its static solution, to a mode's backbone, and find the point of an amplitude: from where contacts still
-  !> stick, or a small one. The solver serves nothing else from then on.
-  subroutine begin_backbone(solver, mode, problem, amplitude, self)
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Number of the mode
-    integer, intent(in) :: mode
-    !> Its monitor and measure; the border is made here
-    type(problem_type), intent(in) :: problem
-    !> Modulus of the mode's coordinate
-    real(wp), intent(in) :: amplitude
-    type(backbone_type), intent(out) :: self
-    real(wp), allocatable :: stiffness(:), mass(:), damping(:), omega(:)
-
-    self%modes = [mode]
-    self%mixture = [(1.0_wp, 0.0_wp)]
-    self%problem = problem
-    allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
-    call hold_modes(self, solver)
-    call solver%stuck%modal_at(1, stiffness, mass, damping)
-    self%rest = base_point_type(snapshot_type=snapshot_of(solver), amplitude=amplitude, excitation=damping(mode)/mass(mode), &
-                                mixture=self%mixture)
-    omega = solver%stuck%omega_at(1)
-    self%rest%omega = omega(mode)
-    self%rest%all_stick = .true.
-    call begin_at(self, solver, amplitude)
-  end subroutine begin_backbone
-
-  !> The same from a shape and an angular frequency, about which the structure's small motion is; contacts need not stick.
+  !> Turn the solver, at its static solution, to a mode's backbone, and find the point of an amplitude, or a smaller one and follow to
+  !> it. The mode is given by a shape and an angular frequency, those of small motion; contacts need not stick. The solver serves
+  !> nothing else from then on.
   subroutine begin_mode(solver, shapes, omega, problem, amplitude, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -150,8 +111,7 @@ contains
     end do
   end function independent_coordinates
 
-  !> The point of an amplitude by long steps from one at which contacts still stick, the structure at rest before: what short steps do
-  !> not pass, these may.
+  !> The point of an amplitude from the linear mode, the structure at rest before; where none is found there, from a smaller one.
   subroutine begin_at(self, solver, amplitude)
     type(backbone_type), intent(inout) :: self
     !> Solver of points, which this moves
@@ -166,7 +126,7 @@ contains
     do i = 1, most_amplitudes
       call start_from(self, solver, linear(self, solver))
       call correct(self, solver, self%rest)
-      if (self%found .and. (solver%all_stick .or. allocated(self%shape))) exit
+      if (self%found) exit
       if (i < most_amplitudes) self%rest%amplitude = amplitude_ratio*self%rest%amplitude
     end do
     if (.not. self%found) return
@@ -205,35 +165,32 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     type(base_point_type) :: base
-    complex(wp), allocatable :: shape(:)
     real(wp), allocatable :: coordinates(:, :), motion(:, :)
 
     base = self%rest
-    if (allocated(self%shape)) then
-      shape = self%shape
-    else
-      shape = solver%stuck%shape_at(solver%structure, 1, self%modes(1))
-    end if
-    allocate (coordinates(3, size(shape)), source=0.0_wp)
-    coordinates(2, :) = real(shape, wp)
-    coordinates(3, :) = -aimag(shape)
+    allocate (coordinates(3, size(self%shape)), source=0.0_wp)
+    coordinates(2, :) = real(self%shape, wp)
+    coordinates(3, :) = -aimag(self%shape)
     motion = solver%relative_motion(coordinates)
     base%motion(2:, :) = 0.0_wp
     base%motion(2:3, :) = base%amplitude*motion(2:, :)
   end function linear
 
-  !> Follow to an amplitude, in as many steps as it takes; the solver stays at the last point found.
+  !> Follow to an amplitude, in as many steps as it takes, over folds by leaps; the solver stays at the last point found.
   subroutine go_to(self, solver, amplitude)
     type(backbone_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Modulus of the mode's coordinate
     real(wp), intent(in) :: amplitude
-    type(base_point_type) :: from, next
+    type(base_point_type) :: start, from, next
     real(wp) :: step, left
-    integer :: iterations
+    integer :: iterations, folds
 
+    start = self%last
     iterations = 0
+    folds = 0
+    self%folded = .false.
     step = longest_step
     do
       from = self%last
@@ -250,12 +207,52 @@ contains
       else
         call start_from(self, solver, from)
         step = 0.5_wp*min(step, abs(left))
-        if (step < shortest_step) exit
+        if (step >= shortest_step) cycle
+        if (folds == most_folds) exit
+        call leap(self, solver, start, sign(1.0_wp, left), iterations)
+        if (.not. self%found) exit
+        folds = folds + 1
+        step = longest_step
       end if
     end do
     self%iterations = iterations
     if (self%found) call measure(self, solver)
   end subroutine go_to
+
+  !> Over a fold: a point farther on than the last one, which it takes the place of, from that or from where the way began. The line
+  !> through the last two says nothing there, and whether Newton's method comes to the other part varies with the distance.
+  subroutine leap(self, solver, start, direction, iterations)
+    type(backbone_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Where the way began
+    type(base_point_type), intent(in) :: start
+    !> 1: to larger amplitudes, -1: to smaller ones
+    real(wp), intent(in) :: direction
+    !> Counts on
+    integer, intent(inout) :: iterations
+    type(base_point_type) :: lost, from
+    integer :: base, i
+
+    lost = self%last
+    if (allocated(self%before%motion)) deallocate (self%before%motion)
+    do base = 1, 2
+      from = lost
+      if (base == 2) from = start
+      self%last = from
+      do i = 1, most_leaps
+        call find_point(self, solver, from, predicted(self, lost%amplitude*exp(direction*first_leap*leap_ratio**(i - 1))))
+        iterations = iterations + self%iterations
+        if (self%found) then
+          self%folded = .true.
+          self%last = base_point_of(self, solver)
+          return
+        end if
+      end do
+    end do
+    self%last = lost
+    call start_from(self, solver, lost)
+  end subroutine leap
 
   !> The next point: of motion that repeats, or where none is found from the prediction after periods of creep.
   subroutine find_point(self, solver, from, next)

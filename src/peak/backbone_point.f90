@@ -55,14 +55,15 @@ module attrito_peak_backbone_point
     !> Was the last point found? Newton's iterations that it took
     logical :: found = .false.
     integer :: iterations = 0
-    !> Does it repeat but for sliders that creep on (`attrito_peak_slider_creep`)?
-    logical :: creeps = .false.
+    !> Does it repeat but for sliders that creep on (`attrito_peak_slider_creep`)? Does the curve fold in a between the point before and
+    !> this one?
+    logical :: creeps = .false., folded = .false.
     !> M phi/m of each mode that is held in generalised coordinates of harmonic 1 [n, modes], and F_1 [n]
     complex(wp), allocatable :: readers(:, :), force(:)
     !> Springs that hold these modes, and coordinates b_k by a
     real(wp), allocatable :: springs(:)
     complex(wp), allocatable :: mixture(:)
-    !> Shape to begin at, in the model's coordinates, its coordinate being 1 [m]; not allocated: the stuck mode
+    !> Shape to begin at, in the model's coordinates, its coordinate being 1 [m]
     complex(wp), allocatable :: shape(:)
     !> Amplitude of the mode that is held, by that of the shape
     real(wp) :: part = 1.0_wp

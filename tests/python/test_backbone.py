@@ -17,10 +17,10 @@ from mpi4py import MPI
 from rubbing_mass import DAMPING, KT, element, jenkins
 
 from attrito.library.peak_tracker import PeakTracker
-from attrito.library.points import StoredPoint
+from attrito.library.points import LinearModes, StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
-from attrito.peaks.backbone import BackboneTracker, follow_backbone, lost_in_words
+from attrito.peaks.backbone import BackboneTracker, LeadingMode, follow_backbone, leading_mode, lost_in_words
 from attrito.peaks.curve import Backbone, BackbonePoint, Found
 from attrito.peaks.file import read_backbone, read_peaks
 from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
@@ -28,12 +28,14 @@ from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
 
 @contextmanager
 def backbone(
-    scene: ReducedScene, options: Options, mode: int = 1, path: float = 1.0
+    scene: ReducedScene, options: Options, amplitude: float, mode: int = 1
 ) -> Iterator[tuple[Solver, BackboneTracker]]:
-    """A tracker of a scene's backbone, its static loads walked."""
+    """A tracker of a scene's backbone from an amplitude of a tangent mode, its static loads walked."""
     with Solver(MPI.COMM_SELF, scene, options) as solver:
-        solver.follow_static_path(np.array([[path]]), 4, 0.2)
-        yield solver, BackboneTracker(solver, mode, 0, "first_harmonic")
+        solver.follow_static_path(np.array([[1.0]]), 4, 0.2)
+        modes = solver.linear_modes("tangent", mode)
+        begun = LeadingMode(mode, modes.shapes[mode - 1 :], modes.natural_hz[mode - 1], amplitude)
+        yield solver, BackboneTracker(solver, begun, 0, "first_harmonic")
 
 
 @pytest.mark.parametrize("kind", ["viscous", "mass", "ratio", "loss_factor", "none"])
@@ -50,8 +52,8 @@ def test_a_mode_that_sticks_has_the_backbone_of_the_linear_one(kind):
     }
     scene = replace(scene, damping_kind=kind, damping_value=value, damping=scene.damping if kind == "viscous" else None)
     # Of the stuck modes the normal one, at sqrt(2), is the second: sqrt(1.5) is the mass's own.
-    with backbone(scene, Options(harmonics=3, by_events=True, tolerance=1e-12)) as (_, tracker):
-        point = tracker.begin(0.1)
+    with backbone(scene, Options(harmonics=3, by_events=True, tolerance=1e-12), 0.1) as (_, tracker):
+        point = tracker.begin()
         assert point.converged and sum(point.point.states[2:]) == 0
         assert 2.0 * np.pi * point.frequency_hz == pytest.approx(omega, rel=1e-11)
         assert point.excitation == pytest.approx(excitation[kind], rel=1e-10, abs=1e-11)
@@ -60,8 +62,8 @@ def test_a_mode_that_sticks_has_the_backbone_of_the_linear_one(kind):
 
 
 def test_the_backbone_of_a_mass_that_rubs_is_that_of_the_describing_function():
-    with backbone(jenkins(), Options(harmonics=1, by_events=True, tolerance=1e-12)) as (_, tracker):
-        point = tracker.begin(1.0)
+    with backbone(jenkins(), Options(harmonics=1, by_events=True, tolerance=1e-12), 1.0) as (_, tracker):
+        tracker.begin()
         for modal_amplitude in (1.5, 3.0, 6.0, 40.0, 4.0):
             point = tracker.at(modal_amplitude)
             stiffness, loss = element(point.amplitude)
@@ -72,6 +74,54 @@ def test_the_backbone_of_a_mass_that_rubs_is_that_of_the_describing_function():
             assert 2.0 * np.pi * point.frequency_hz == pytest.approx(omega, rel=1e-10)
             assert point.excitation == pytest.approx(DAMPING + loss / omega, rel=1e-9)
             assert point.level == pytest.approx(point.amplitude * (DAMPING * omega + loss), rel=1e-9)
+
+
+def beside_an_open_contact() -> ReducedScene:
+    """The mass that rubs, before a stop that it never meets: with all contacts stuck it is four times as fast."""
+    scene = jenkins()
+    laws = {name: np.repeat(values, 2) for name, values in scene.laws.items()}
+    laws["gap"], laws["preload"] = np.array([0.0, 100.0]), np.array([1.0, 0.0])
+    laws["tangential_stiffness"], laws["normal_stiffness"] = np.array([KT, 0.1]), np.array([1.0, 30.0])
+    # The stop's normal is the mass's own direction.
+    rows = np.vstack([np.eye(2), [[0.0, 1.0], [1.0, 0.0]]])
+    return replace(scene, laws=laws, directions=rows)
+
+
+def test_a_backbone_begins_at_the_tangent_mode_where_pairs_are_open_at_rest():
+    levels, path = (0.01, 0.5, 3.0), np.array([[1.0]])
+    options = Options(harmonics=1, by_events=True, tolerance=1e-12)
+    with Solver(MPI.COMM_SELF, beside_an_open_contact(), options) as solver:
+        solver.follow_static_path(path, 1, 0.2)
+        stuck, tangent = (solver.linear_modes(name, 2) for name in ("stuck", "tangent"))
+        assert stuck.natural_hz[1] > 4.0 * tangent.natural_hz[0]
+        tracker = PeakTracker(solver, 0, "first_harmonic", (0.13, 0.25), np.ones(1))
+        peaks = [Found(tracker.begin(levels[0], tracker.linear_peak_hz()), "value")]
+        first = solver.coordinates()
+        peaks += [Found(tracker.at(level), "value") for level in levels[1:]]
+    with Solver(MPI.COMM_SELF, beside_an_open_contact(), options) as solver:
+        solver.follow_static_path(path, 1, 0.2)
+        mode = leading_mode(solver.linear_modes("tangent", 2), np.eye(2), first)
+        found = follow_backbone(BackboneTracker(solver, mode, 0, "first_harmonic"), peaks)
+    assert mode.frequency_hz == pytest.approx(np.sqrt(1.0 + KT) / (2.0 * np.pi), rel=1e-12)
+    for level, expected in zip(levels, found.at_peaks, strict=True):
+        assert expected is not None and expected.level == pytest.approx(level, rel=1e-9)
+        stiffness, loss = element(expected.amplitude)
+        omega = np.sqrt(1.0 + stiffness)
+        assert 2.0 * np.pi * expected.frequency_hz == pytest.approx(omega, rel=1e-9)
+        assert expected.excitation == pytest.approx(DAMPING + loss / omega, rel=1e-8)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.4])
+def test_of_equal_modes_the_mixture_in_the_motion_leads(turn):
+    shapes = np.array([[0.0, 0.0, 0.5], [np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0]])
+    modes = LinearModes(np.array([1.0, 2.0, 2.0]), np.zeros(3), shapes, 0)
+    mass = np.diag([1.0, 1.0, 4.0])
+    # In phase along (3, 4), with a little of the mode of another frequency, at a phase of 0.7.
+    motion = np.outer([3.0, 4.0, 0.1], [9.0, np.cos(0.7), np.sin(0.7)])
+    mode = leading_mode(modes, mass, motion)
+    assert mode.frequency_hz == 2.0 and mode.amplitude == pytest.approx(5.0, rel=1e-12)
+    assert abs(mode.shapes[0] @ np.array([0.6, 0.8, 0.0])) == pytest.approx(1.0, rel=1e-12)
+    assert abs(mode.shapes.conj() @ mass @ mode.shapes.T) == pytest.approx(np.eye(2), abs=1e-12)
 
 
 def forced_by_its_own_damping(scene: ReducedScene, point: BackbonePoint, coordinates: np.ndarray) -> ReducedScene:
@@ -118,8 +168,8 @@ def test_a_backbone_solves_the_forced_balance_that_its_negative_damping_makes(sc
             8.0,
         ),
     }[scene]  # fmt: skip
-    with backbone(reduced, options) as (solver, tracker):
-        point = tracker.begin(amplitude)
+    with backbone(reduced, options, amplitude) as (solver, tracker):
+        point = tracker.begin()
         coordinates = solver.coordinates()
     assert point.converged and sum(point.point.states[2:]) == 1
     forced = forced_by_its_own_damping(reduced, point, coordinates)
@@ -146,8 +196,8 @@ def test_a_backbone_tells_the_true_peaks_to_the_square_of_the_damping():
         tracker = PeakTracker(solver, 0, "first_harmonic", (0.13, 0.25), np.ones(1))
         peaks = [Found(tracker.begin(0.01, tracker.linear_peak_hz()), "value")]
         peaks += [Found(tracker.at(level), "value") for level in (0.5, 3.0)]
-    with backbone(jenkins(), options) as (_, tracker):
-        found = follow_backbone(tracker, 0.1, peaks)
+    with backbone(jenkins(), options, 0.1) as (_, tracker):
+        found = follow_backbone(tracker, peaks)
     for one, expected in zip(peaks, found.at_peaks, strict=True):
         assert expected is not None and expected.level == pytest.approx(one.peak.level, rel=1e-9)
     # While it sticks the mass is linear: in quadrature it is moved sqrt(1 - zeta^2) of the farthest.

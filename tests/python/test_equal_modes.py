@@ -10,9 +10,9 @@ from mode_jobs import KT, LIMIT, MASS, K, cut_short, described, follow, rubbing
 from mpi4py import MPI
 
 from attrito.modes import tracker
-from attrito.modes.equal_modes import equal_modes, said_of_equal
 from attrito.modes.mode_slopes import EQUAL
 from attrito.modes.nonlinear import mode_job
+from attrito.runs.tangent_modes import equal_modes, said_of_equal
 
 # Of the motion's period. Turning points of the slip lie between two samples, which errs by the square of a step.
 SAMPLES = 1024

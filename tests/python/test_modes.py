@@ -93,6 +93,21 @@ def test_dissipation_is_that_of_forced_motion_integrated_in_time(tmp_path):
     assert rows[-1]["dissipated_energy"] == pytest.approx(work, rel=1e-4)
 
 
+@pytest.mark.parametrize("points", [12, 18, 25])
+def test_a_mode_that_folds_goes_on_beyond_however_far_apart_its_amplitudes_are(tmp_path, points):
+    job = weakly_damped_wedge()
+    job["contact"][0]["normal_stiffness"] = 2.0 * job["contact"][0]["tangential_stiffness"]
+    job["mode"]["points"] = points
+    rows = follow(tmp_path, job)
+    frequency = np.array([row["frequency_hz"] for row in rows])
+    # At a = 0.1605, Q = 1.76e-4, the part of 145 to 133 Hz ends.
+    before = np.array([row["amplitude"] for row in rows]) < 1.7e-4
+    assert frequency[before].min() > 133.0 and frequency[~before].max() < 130.5
+    # The part beyond is the one that a mode begun there is on, to the tolerances of Q and of the balance.
+    job["mode"] |= {"start": 2.9e-3, "points": 2}
+    assert frequency[-1] == pytest.approx(follow(tmp_path, job)[-1]["frequency_hz"], rel=1e-7)
+
+
 def test_the_mode_predicts_forced_resonances_of_a_lightly_damped_wedge(tmp_path):
     job = weakly_damped_wedge()
     # So that slip damps by less than 1 %, too.

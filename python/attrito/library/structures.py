@@ -68,6 +68,7 @@ class RawBackbone(ctypes.Structure):
     _fields_ = [
         ("point", RawPoint),
         *_all(c_double, "modal_amplitude", "excitation", "level", "amplitude", "kinetic", "structural_ratio", "drift"),
+        ("folded", c_int),
     ]
 
 

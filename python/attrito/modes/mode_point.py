@@ -25,6 +25,7 @@ class ModePoint:
     iterations : of Newton's method on the way here
     error_harmonics, error_samples, error_contacts : parts of the estimated relative error, see `SERIES` in
         `nonlinear.py`; NaN: not estimated
+    folded : whether the mode's curve folds between the point before and this one
     contact_work : of each contact a period, user energy, at the root `[nc]`; None: that of the balance
     """
 
@@ -38,6 +39,7 @@ class ModePoint:
     error_samples: float = np.nan
     contact_work: np.ndarray | None = None
     error_contacts: float = np.nan
+    folded: bool = False
 
     @property
     def estimate(self) -> float:

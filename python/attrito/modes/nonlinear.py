@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.job.cyclic import is_cyclic, nodal_diameter
+from attrito.job.cyclic import is_cyclic
 from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, mode_path
 from attrito.job.sensitivity import refuse_for_sectors
@@ -17,7 +17,6 @@ from attrito.library.points import LinearModes
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import Options, Solver
-from attrito.modes.equal_modes import equal_modes, said_of_equal
 from attrito.modes.limit_cycles import NAMES as CYCLE_NAMES
 from attrito.modes.limit_cycles import LimitCycles
 from attrito.modes.mode_point import ModePoint
@@ -39,6 +38,7 @@ from attrito.runs.header import first_record
 from attrito.runs.position import RunPosition
 from attrito.runs.progress import Progress
 from attrito.runs.recorder import Recorder
+from attrito.runs.tangent_modes import equal_modes, said_of_equal, tangent_modes
 from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import InputError
@@ -180,11 +180,7 @@ def chosen_mode(comm: Comm, job: Job, solver: Solver) -> tuple[int, LinearModes]
     Of a sector they are those of the nodal diameter of its engine order.
     """
     keys, number = job["mode"], job["mode"]["number"] or 0
-    if is_cyclic(job):
-        diameter = nodal_diameter(job["cyclic"]["sectors"], job["cyclic"]["engine_order"])
-        modes = solver.diameter_modes("tangent", diameter, max(LISTED, number))
-    else:
-        modes = solver.linear_modes("tangent", max(LISTED, number))
+    modes = tangent_modes(job, solver, max(LISTED, number))
     count = len(modes.natural_hz)
 
     def choose() -> int:
@@ -237,6 +233,8 @@ def _follow(
             f" open {one.point.states[3]:3d}  {one.iterations:3d} iterations  {one.point.outcome}"
             + ("" if kind == NO_CYCLE else f"  limit cycle that {kind}")
         )
+        if one.folded and one.converged:
+            progress.warn([f"the mode's curve folds in its amplitude before {one.amplitude:.6g}: it goes on elsewhere"])
 
     while (done := place.points - cycles.found) < len(values) and "not_converged" not in place.outcomes:
         one = tracker.at(float(values[done]))

@@ -15,10 +15,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from attrito.modes.equal_modes import equal_modes
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.tracker import ModeTracker
 from attrito.patches.solver import PatchedSolver
+from attrito.runs.tangent_modes import equal_modes
 
 
 class PatchedModeTracker:

@@ -21,6 +21,7 @@ AMPLITUDE_TOLERANCE = 1e-9
 # The same where sliders creep on, each time a little farther
 CREEPING_TOLERANCE = 1e-6
 MOST_CORRECTIONS = 12
+NO_MONITOR = -1
 
 
 class ModeTracker:
@@ -59,9 +60,10 @@ class ModeTracker:
 
     def at(self, amplitude: float) -> ModePoint:
         """The point of an amplitude; the first call begins at the tangent mode."""
-        iterations = 0
+        iterations, folded = 0, False
         for _ in range(MOST_CORRECTIONS):
             raw = self._solve(amplitude)
+            folded = folded or bool(raw.folded)
             point = self._solver.point_of(raw.point)
             iterations += point.iterations
             found = self._amplitude() if point.is_solved else np.nan
@@ -78,13 +80,15 @@ class ModeTracker:
         if point.is_solved:
             self._solver.call("attrito_mode_errors", pointer(errors[:1]), pointer(errors[1:]))
         drive = {"excitation": raw.excitation, "drift": raw.drift}
-        return ModePoint(point, amplitude, raw.kinetic, raw.structural_ratio, drive, iterations, *errors.tolist())
+        return ModePoint(
+            point, amplitude, raw.kinetic, raw.structural_ratio, drive, iterations, *errors.tolist(), folded=folded
+        )
 
     def _solve(self, amplitude: float) -> RawBackbone:
         """At the coordinate at which the amplitude is expected: on the line through what is known, in logarithms."""
         raw = RawBackbone()
         if not self.known:
-            place = omega(self._frequency_hz), amplitude, 0, ctypes.byref(raw)
+            place = omega(self._frequency_hz), NO_MONITOR, 0, amplitude, 0, ctypes.byref(raw)
             self._solver.call("attrito_begin_mode", len(self._shapes[0]), *map(pointer, self._shapes), *place)
             return raw
         (a, q), slope = self.known[-1], 1.0

@@ -18,10 +18,11 @@ class BackbonePoint:
     Parameters
     ----------
     point : without an estimate of its error; its level has no meaning
-    modal_amplitude : coordinate of the mode, whose modal stiffness is 1
+    modal_amplitude : coordinate of the stuck mode that has most of the mode, its modal stiffness being 1
     excitation : negative damping that keeps it up, a part of the mass, rad per time
     level : factor on the harmonic loads whose work would do the same
     amplitude : of the monitor, user length
+    folded : whether the curve folds between the point before and this one
     """
 
     point: Point
@@ -29,6 +30,7 @@ class BackbonePoint:
     excitation: float
     level: float
     amplitude: float
+    folded: bool = False
 
     @property
     def frequency_hz(self) -> float:
@@ -48,7 +50,7 @@ class BackbonePoint:
 
 @dataclass(frozen=True)
 class Backbone:
-    """The backbone of a mode (from 1): its points in stretches, and those at the levels of peaks, where it has them."""
+    """The backbone of a tangent mode (from 1): stretches of points, and those at levels of peaks, where it has any."""
 
     mode: int
     stretches: list[list[BackbonePoint]]

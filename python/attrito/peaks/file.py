@@ -91,9 +91,12 @@ ALONG = {
     "response": ("amplitude by level", "user length"),
     "excitation": ("negative damping that keeps the motion up, a part of the mass", "rad/s"),
     "damping_ratio": ("what it makes up for: excitation/(2 omega)", "1"),
-    "modal_amplitude": ("coordinate of the stuck mode, its modal stiffness being 1", "user (force*length)^0.5"),
+    "modal_amplitude": (
+        "coordinate of the stuck mode that has most of the mode, its modal stiffness being 1",
+        "user (force*length)^0.5",
+    ),
     "residual": ("relative residual of the balance", "1"),
-    "stretch": ("number, from 0: between two the curve was lost", "1"),
+    "stretch": ("number, from 0: between two the curve folds", "1"),
 }
 
 

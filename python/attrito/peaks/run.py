@@ -25,6 +25,7 @@ from attrito.peaks.higher import Followed, HigherPeaks
 from attrito.runs.followed import follow_job
 from attrito.runs.progress import Progress
 from attrito.runs.sensitivity import Differentiator
+from attrito.runs.tangent_modes import tangent_modes
 from attrito.scene import cautions
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
@@ -63,12 +64,12 @@ def _follow_and_show(
     )
     progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
     found: list[Found] = []
-    leading = None
+    carried = None
     broken = ""
     for options in series:
         if found:
             progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
-        found, leading = [], None
+        found, carried = [], None
         with (
             Solver(comm, reduced, options) as solver,
             _warning_of_statics(progress, solver),
@@ -79,8 +80,8 @@ def _follow_and_show(
                 for one in follow(solver, job, reduced, load_path, looking):
                     found.append(replace(one, derivatives=_derivatives(differentiator, job, reduced, one)))
                     progress.say(line(one, job["peak"]["parameter"]))
-                    if leading is None and one.converged:
-                        leading = leading_mode(solver)
+                    if carried is None and one.converged:
+                        carried = solver.coordinates()
             except NumericsError as error:
                 # What was found until then is written.
                 if not found:
@@ -89,9 +90,9 @@ def _follow_and_show(
         if broken or is_enough(one.peak.outcome for one in found):
             break
     backbone = None
-    if job["peak"]["backbone"] and leading is not None:
-        backbone = follow_mode(comm, job, options, reduced, load_path, leading, found)
-        progress.say(f"backbone of stuck mode {leading[0]}: {sum(map(len, backbone.stretches))} points")
+    if job["peak"]["backbone"] and carried is not None:
+        backbone = follow_mode(comm, job, options, reduced, load_path, carried, found)
+        progress.say(f"backbone of tangent mode {backbone.mode}: {sum(map(len, backbone.stretches))} points")
 
     parameter = job["peak"]["parameter"]
     progress.warn([*jumps_in_words(found, parameter), *higher_in_words(found, parameter), *lost_in_words(backbone)])
@@ -215,15 +216,16 @@ def follow_mode(
     options: Options,
     scene: ReducedScene,
     load_path: np.ndarray,
-    leading: tuple[int, float],
+    carried: np.ndarray,
     found: list[Found],
 ) -> Backbone:
-    """The backbone of a mode over the levels of the peaks found; `leading`: that of `leading_mode` at the first."""
+    """The backbone over the levels of the peaks found, of the tangent mode that carries a motion `[m, 2 H + 1]`."""
     with Solver(comm, scene, options) as solver:
         solver.follow_static_path(load_path, job["static"]["steps"], band_of(job)[0])
-        mode, amplitude = leading
+        modes = tangent_modes(job, solver, len(carried))
+        mode = leading_mode(modes, scene.mass, carried)
         tracker = BackboneTracker(solver, mode, monitor_of(job, scene), job["peak"]["amplitude"])
-        return follow_backbone(tracker, amplitude, found)
+        return follow_backbone(tracker, found)
 
 
 def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak | None:
