@@ -25,6 +25,7 @@ ORDER = (
     "import_model",
     "plot",
     "write_report",
+    "write_study_report",
     "stress",
     "table",
     "contact_table",

@@ -42,6 +42,7 @@ if TYPE_CHECKING:
     from attrito.stresses.cycle import Cycle
     from attrito.stresses.run import stress
     from attrito.stresses.stresses import Stresses
+    from attrito.studies.report import write_study_report
     from attrito.support.errors import Fault, InputError, NumericsError, UnsolvedError
 
 # HDF5 locks every file that it opens, and reads none where a file system has no locks. What attrito writes has locks of
@@ -66,6 +67,7 @@ _PLACES = {
     "import_model": "importers",
     "plot": "pictures",
     "write_report": "report.report",
+    "write_study_report": "studies.report",
     "stress": "stresses.run",
     "Cycle": "stresses.cycle",
     "Stresses": "stresses.stresses",
@@ -116,6 +118,7 @@ __all__ = [
     "table",
     "value_and_gradient",
     "write_report",
+    "write_study_report",
 ]
 
 

@@ -282,10 +282,11 @@ def _plot(parsers: Parsers) -> None:
 
 def _report(parsers: Parsers) -> None:
     one = parsers.add_parser("report", help="result.h5 -> one HTML page with figures, verdicts and the job; or a PDF")
-    one.add_argument("result", help="result file")
+    one.add_argument("result", help="result file, or that of a study")
     one.add_argument("-o", "--output", help="page to write (default: beside it, as report.html, or report.pdf)")
     one.add_argument("--pdf", action="store_true", help="the essentials on two pages for the file, as PDF")
     one.add_argument("--point", type=int, help="point whose contacts are shown (default: the largest amplitude)")
+    one.add_argument("--beside", help="of a study: another one of the same quantity, whose numbers stand beside")
     one.set_defaults(work=commands.report)
 
 

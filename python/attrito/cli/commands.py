@@ -320,12 +320,22 @@ def report(options: argparse.Namespace) -> None:
     from attrito.report.report import is_printout, write_report
     from attrito.results.chosen_points import chosen_point
     from attrito.results.result import Result
+    from attrito.studies.report import write_study_report
+    from attrito.studies.table import holds_study
 
     if options.pdf and options.output and not is_printout(options.output):
         raise InputError(Fault("report", "-o", options.output, "a name that ends in .pdf, with --pdf"))
     if options.output is not None:
         check_ending("report", options.output, (".html", ".htm", ".pdf"))
     path = options.output or _beside(options.result, "report.pdf" if options.pdf else "report.html")
+    if holds_study(options.result):
+        if options.point is not None:
+            raise InputError(Fault(options.result, "--point", options.point, "none for a study"))
+        write_study_report(options.result, path, options.beside)
+        print(path)
+        return
+    if options.beside is not None:
+        raise InputError(Fault(options.result, "--beside", options.beside, "a file of `attrito study` to stand beside"))
     with Result(options.result) as result:
         refuse_linear_modes(result)
         point = None if options.point is None else chosen_point(result, options.point, "")

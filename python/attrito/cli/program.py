@@ -48,6 +48,7 @@ READ = (
     "damping",
     "dofs",
     "geometric_stiffness",
+    "beside",
 )
 
 

@@ -55,7 +55,17 @@ def write_report(result: Result, path: str | os.PathLike[str], point: int | None
     if is_printout(path):
         make_printout(result, point).write(path)
         return
-    text = make_page(result, point).html()
+    write_page(make_page(result, point), path)
+
+
+def write_page(page: Page, path: str | os.PathLike[str]) -> None:
+    """Write a page.
+
+    Raises
+    ------
+    InputError : the file cannot be written
+    """
+    text = page.html()
     try:
         with whole_file(path) as new:
             Path(new).write_text(text, encoding="utf-8")
@@ -71,7 +81,7 @@ def is_printout(path: str | os.PathLike[str]) -> bool:
 
 def make_printout(result: Result, point: int | None = None) -> Printout:
     """The two pages of a result; see `write_report`."""
-    printout = Printout(_title(result), _line(result))
+    printout = Printout(title_of(result.path), _line(result))
     if result.attribute("format") == CAMPBELL:
         campbell_essentials(result, printout, campbell_glance(result))
         return printout
@@ -81,20 +91,25 @@ def make_printout(result: Result, point: int | None = None) -> Printout:
     return printout
 
 
-def _title(result: Result) -> str:
-    place = Path(result.path).resolve()
+def title_of(path: str) -> str:
+    """A file's name with its folder's."""
+    place = Path(path).resolve()
     return f"{place.parent.name}/{place.name}"
 
 
+def made_by(what: str, path: str, version: str) -> str:
+    """What a file is of, by what, and when it was written."""
+    written = date.fromtimestamp(Path(path).stat().st_mtime).isoformat()
+    return f"{what} with friction contacts, by attrito {version}, {written}"
+
+
 def _line(result: Result) -> str:
-    """What it is, by what, and when it was written."""
-    written = date.fromtimestamp(Path(result.path).stat().st_mtime).isoformat()
-    return f"Steady vibration with friction contacts, by attrito {result.attribute('attrito_version')}, {written}"
+    return made_by("Steady vibration", result.path, result.attribute("attrito_version"))
 
 
 def make_page(result: Result, point: int | None = None) -> Page:
     """The page of a result; see `write_report`."""
-    page = Page(_title(result))
+    page = Page(title_of(result.path))
     page.head(_line(result))
     if result.attribute("format") == CAMPBELL:
         page.glance(campbell_glance(result))

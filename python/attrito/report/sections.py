@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import platform
 from collections import Counter
+from typing import Protocol
 
 import h5py
 import matplotlib
@@ -21,7 +22,6 @@ from attrito.report import period
 from attrito.report.page import Page
 from attrito.report.view import View
 from attrito.results.loops import contact_loops, most_dissipating
-from attrito.results.result import Result
 from attrito.runs.linear_references import in_words
 from attrito.support.version import __version__
 
@@ -315,7 +315,14 @@ def run(page: Page, view: View) -> None:
     page.pairs([(name, value) for name, value in pairs if value != ""])
 
 
-def job(page: Page, result: Result) -> None:
+class Attributed(Protocol):
+    """A file with texts at its root."""
+
+    def attribute(self, name: str) -> str:
+        """One of them; empty where there is none."""
+
+
+def job(page: Page, result: Attributed) -> None:
     """The job as it was resolved."""
     page.section("Job")
     try:
@@ -331,13 +338,13 @@ def job(page: Page, result: Result) -> None:
     page.code("\n".join(cut))
 
 
-def references(page: Page, result: Result) -> None:
+def references(page: Page, result: Attributed) -> None:
     """What wrote the result and the page, and whose methods they use."""
     page.section("Versions and references")
     made = f"attrito {__version__}, Python {platform.python_version()}, numpy {np.__version__}, h5py {h5py.__version__}"
     written = f"attrito {result.attribute('attrito_version')}"
     page.pairs([("result written by", written), ("page made by", f"{made}, matplotlib {matplotlib.__version__}")])
-    for reference in result.attribute("references").split("; "):
+    for reference in filter(None, result.attribute("references").split("; ")):
         page.text(reference)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,9 +73,21 @@ KINDS = {
 
 
 def write_study(
-    study: Study, job: Job, values: np.ndarray, found: list[dict[str, Any]], warnings: Sequence[str]
+    study: Study,
+    job: Job,
+    values: np.ndarray,
+    found: list[dict[str, Any]],
+    warnings: Sequence[str],
+    solved: int,
+    errors: Mapping[str, np.ndarray],
 ) -> dict[str, int]:
-    """Put batches together into the file and picture; returns how many samples have an outcome to report, by name."""
+    """Put batches together into the file and picture; returns how many samples have an outcome to report, by name.
+
+    Parameters
+    ----------
+    found, solved : batches of all samples, and how many of these have been solved
+    errors : of a model, by the names of numbers, largest of solved samples `[stops]`
+    """
     kind, stops = KINDS[study.of], study.stops(job)
     rows: list[Any] = [None] * study.samples
     for batch in found:
@@ -91,7 +103,7 @@ def write_study(
             f"Resonance {study.of} over samples of a job's values; see docs/studies.md of attrito"
         )
         file.attrs.update(job.attributes)
-        file.attrs["study"] = json.dumps(study.as_table())
+        file.attrs["study"], file.attrs["solved"] = json.dumps(study.as_table()), solved
         file.attrs["parameter"] = job["peak"]["parameter"] if study.of == "peaks" else "amplitude"
         file.attrs["warnings"] = "\n".join(warnings)
 
@@ -105,6 +117,9 @@ def write_study(
             put(f"{study.of}/{name}", numbers[name], *what)
         for name, what in kind.once.items():
             put(f"{study.of}/{name}", _numbers(rows, name)[:, 0], *what)
+        for name, error in errors.items():
+            of = "part of the largest" if name == "damping_ratio" else "relative"
+            put(f"model_error/{name}", error, f"of the model, largest of solved samples, {of}", "1")
         put(f"{study.of}/states", np.array([[one["states"] for one in row] for row in rows], dtype=np.int32),
             "contacts stuck, shaken down, slipping, open", "1")  # fmt: skip
         if study.of == "peaks":

@@ -54,8 +54,12 @@ class Nodes:
         low, high = self.study.bounds
         return np.vstack([0.5 * (low + high) + 0.5 * (high - low) * self.places, values[:MOST_CHECKED]])
 
-    def rows(self, values: np.ndarray, found: list[dict[str, Any]], progress: Progress) -> list[dict[str, Any]]:
-        """All samples by the model, as one batch; says how far it is from solved ones.
+    def rows(
+        self, values: np.ndarray, found: list[dict[str, Any]], progress: Progress
+    ) -> tuple[list[dict[str, Any]], dict[str, np.ndarray]]:
+        """All samples by the model, as one batch, and how far it is from solved ones, which is said.
+
+        That is the largest difference of a number at each stop `[stops]`: relative, of damping part of its largest.
 
         Parameters
         ----------
@@ -70,8 +74,9 @@ class Nodes:
         count = len(self.places)
         self.check([one["outcome"] for row in rows[:count] for one in row])
         modelled = self._modelled(rows[:count], self.study.places(values))
-        self._judge(rows[count:], modelled, progress)
-        return [{"samples": list(range(self.study.samples)), "rows": modelled}]
+        errors = self._errors(rows[count:], modelled)
+        self._judge(len(rows) - count, errors, progress)
+        return [{"samples": list(range(self.study.samples)), "rows": modelled}], errors
 
     def check(self, outcomes: list[str]) -> None:
         """Raise `UnsolvedError` where a node has no solution."""
@@ -82,15 +87,22 @@ class Nodes:
                 f"{lost} of {len(outcomes)} nodes of the model are without a solution: take another design",
             )
 
-    def _judge(self, checked: list[Rows], modelled: list[Rows], progress: Progress) -> None:
+    def _errors(self, checked: list[Rows], modelled: list[Rows]) -> dict[str, np.ndarray]:
+        """Of what a study is of, by name."""
+        beside = modelled[: len(checked)]
+        if self.study.of == "peaks":
+            return {"amplitude": differences(checked, beside, "amplitude")}
+        damping = differences_of_largest(checked, beside, "damping_ratio")
+        return {"frequency_hz": differences(checked, beside, "frequency_hz"), "damping_ratio": damping}
+
+    def _judge(self, checked: int, errors: dict[str, np.ndarray], progress: Progress) -> None:
         """Say how far the model is from solved samples."""
-        name = "amplitude" if self.study.of == "peaks" else "frequency_hz"
-        difference = largest_difference(checked, modelled[: len(checked)], name)
+        name, first = next(iter(errors.items()))
         what = self.study.design.replace("_", "-")
-        words = f"{what} model: {name} within {100.0 * difference:.2g} %"
-        others, beyond = f"of {len(checked)} other solved samples", difference > ACCEPTED
+        words = f"{what} model: {name} within {100.0 * first.max():.2g} %"
+        others, beyond = f"of {checked} other solved samples", first.max() > ACCEPTED
         if self.study.of == "modes":
-            damping = differences_of_largest(checked, modelled[: len(checked)], "damping_ratio")
+            damping = errors["damping_ratio"]
             words += f", damping ratio within {100.0 * damping.max():.2g} % of its largest, {others}"
             if np.any(damping > ACCEPTED):
                 beyond = True
@@ -150,13 +162,7 @@ def rows_in_order(found: list[dict[str, Any]]) -> list[Rows]:
     return [rows[number] for number in range(len(rows))]
 
 
-def largest_difference(solved: list[Rows], modelled: list[Rows], name: str) -> float:
-    """Of a number over samples `[samples][stops]`, relative; infinite where one has not been solved."""
-    pairs = [
-        (one[name], other[name])
-        for row, beside in zip(solved, modelled, strict=True)
-        for one, other in zip(row, beside, strict=True)
-    ]
-    if any(one is None for one, _ in pairs):
-        return float("inf")
-    return max(abs(other / one - 1.0) for one, other in pairs)
+def differences(solved: list[Rows], modelled: list[Rows], name: str) -> np.ndarray:
+    """The largest of a number over samples, relative, at each stop; infinite where one has not been solved."""
+    own, other = (np.array([[one[name] for one in row] for row in rows], dtype=float) for rows in (solved, modelled))
+    return np.asarray(np.nan_to_num(np.abs(other / own - 1.0), nan=np.inf).max(axis=0))

@@ -115,9 +115,9 @@ def _named(at_hz: np.ndarray, which: np.ndarray) -> str:
 
 
 def write_responses(
-    study: Study, job: Job, values: np.ndarray, reference: Reference, found: Responses, progress: Progress
+    study: Study, job: Job, values: np.ndarray, reference: Reference, found: Responses, progress: Progress, solved: int
 ) -> dict[str, int]:
-    """The file and picture; how many samples have an outcome to report, by name."""
+    """The file and picture; how many samples have an outcome to report, by name. `solved`: how many samples are."""
     outcome = np.array([OUTCOMES.index(one) for one in found.outcome], dtype=np.int32)
     Path(study.file).parent.mkdir(parents=True, exist_ok=True)
     with whole_hdf5(study.file) as file:
@@ -125,7 +125,7 @@ def write_responses(
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = "Frequency responses over samples of a job's values; see docs/studies.md of attrito"
         file.attrs.update(job.attributes)
-        file.attrs["study"] = json.dumps(study.as_table())
+        file.attrs["study"], file.attrs["solved"] = json.dumps(study.as_table()), solved
         file.attrs["parameter"] = "frequency_hz"
         file.attrs["warnings"] = "\n".join(progress.warnings)
 

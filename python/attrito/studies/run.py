@@ -118,12 +118,13 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
             from attrito.studies.responses import gather, write_responses
 
             responses = gather(study, nodes, reference, values, found, progress)
-            failed = write_responses(study, job, values, reference, responses, progress)
+            failed = write_responses(study, job, values, reference, responses, progress, len(solved))
             _remove_parts(folder.parent)
             return failed
+        errors: dict[str, np.ndarray] = {}
         if nodes is not None:
-            found = nodes.rows(values, found, progress)
-        failed = write_study(study, job, values, found, progress.warnings)
+            found, errors = nodes.rows(values, found, progress)
+        failed = write_study(study, job, values, found, progress.warnings, len(solved), errors)
         _remove_parts(folder.parent)
         return failed
 
