@@ -58,6 +58,7 @@ contains
       ended%iterations = mode%path%iterations
       ended%defect = mode%defect
       call report_point(session%solver, ended, branch, point_errors_type(), no_tolerance, session%point)
+      if (mode%path%found) session%point%amplitude = mode%monitored
       cycle%point = point_of(session%point)
       cycle%load = mode%load
       cycle%amplitude = mode%amplitude

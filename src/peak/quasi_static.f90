@@ -59,6 +59,8 @@ module attrito_peak_quasi_static
     real(wp) :: area = 0.0_wp, work = 0.0_wp, coarse_work = 0.0_wp
     !> Work of this rank's contacts
     real(wp), allocatable :: contact_work(:)
+    !> Half the range of each monitor over the cycle
+    real(wp), allocatable :: monitored(:)
     !> By Masing's rule from the first loading: angular frequency and damping ratio
     real(wp) :: masing_omega = 0.0_wp, masing_ratio = 0.0_wp
     !> What the last cycle misses of closing: its sliders relative to the motion's scale, or, where they creep and the loop feels no
@@ -330,6 +332,7 @@ contains
     real(wp), allocatable :: coarse(:)
 
     call measure_loop(self, matmul(self%reader, history%response))
+    self%monitored = half_ranges(solver%context%balance, history)
     self%contact_work = work_of_contacts(solver%context%balance, history, 1)
     coarse = work_of_contacts(solver%context%balance, history, 2)
     work = [sum(self%contact_work), sum(coarse)]
@@ -337,6 +340,22 @@ contains
     self%work = work(1)
     self%coarse_work = work(2)
   end subroutine measure
+
+  !> Half the range of each monitor over the cycle: harmonics of a loop with corners miss a little of it.
+  function half_ranges(balance, history) result(half_range)
+    !> Harmonic balance: its monitors
+    type(balance_type), intent(in) :: balance
+    !> The cycle
+    type(history_type), intent(in) :: history
+    real(wp) :: half_range(balance%monitors%number())
+    real(wp) :: motion(0:ubound(history%response, 2))
+    integer :: i, j
+
+    do i = 1, size(half_range)
+      motion = [(real(balance%monitors%row_at(i, 0, cmplx(history%response(:, j), kind=wp)), wp), j=0, ubound(motion, 1))]
+      half_range(i) = 0.5_wp*(maxval(motion) - minval(motion))
+    end do
+  end function half_ranges
 
   !> Work of this rank's contacts, from state to state or from every second one.
   function work_of_contacts(balance, history, stride) result(work)

@@ -75,11 +75,11 @@ def cut_short(folder: Path, monkeypatch: pytest.MonkeyPatch, known: int) -> None
             mode_job(MPI.COMM_WORLD, "job.toml")
 
 
-def follow(folder: Path, job: Job) -> list[dict[str, float]]:
-    """The numbers of `attrito table` of a job's mode, all of whose points are to converge."""
+def follow(folder: Path, job: Job, *monitored: str) -> list[dict[str, float]]:
+    """The numbers of `attrito table` of a job's mode, and columns of monitors; all its points are to converge."""
     done = attrito(folder, "mode", write_job(folder, job))
     assert done.returncode == 0, done.stdout + done.stderr
     numbers = ("amplitude", "frequency_hz", "damping_ratio", "damping_ratio_structure", "dissipated_energy")
     rows = table(folder, result="result.mode.h5")
     assert all(row["converged"] == "true" and row["outcome"] == "converged" for row in rows)
-    return [{name: float(row[name]) for name in numbers} for row in rows]
+    return [{name: float(row[name]) for name in (*numbers, *monitored)} for row in rows]
