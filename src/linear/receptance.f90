@@ -51,7 +51,8 @@ module attrito_linear_receptance
     procedure(common_modes), deferred :: common_modes
     procedure(mode_shapes), deferred :: mode_shapes
     procedure(low_stiffness), deferred :: low_stiffness
-    procedure(remainder), deferred :: remainder
+    procedure(static_stiffness), deferred :: static_stiffness
+    procedure(own_block), deferred :: own_block
     procedure :: set_harmonics
     procedure :: set_frequency
     procedure :: respond
@@ -250,17 +251,22 @@ module attrito_linear_receptance
       complex(wp) :: stiffness(low)
     end function low_stiffness
 
-    !> Receptance among a few rows of B, less what the lowest modes carry.
-    subroutine remainder(self, low, rows, blocks)
+    !> Stiffness k_r of the modes in common, whatever the frequency [n].
+    pure function static_stiffness(self) result(stiffness)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
-      !> Number of lowest modes
-      integer, intent(in) :: low
+      real(wp), allocatable :: stiffness(:)
+    end function static_stiffness
+
+    !> Receptance among a few rows of B.
+    subroutine own_block(self, rows, blocks)
+      import :: receptance_type, wp
+      class(receptance_type), intent(in) :: self
       !> Rows of B, from 1
       integer, intent(in) :: rows(:)
       !> [rows, rows, 0:H]
       complex(wp), intent(out) :: blocks(:, :, 0:)
-    end subroutine remainder
+    end subroutine own_block
   end interface
 
 contains

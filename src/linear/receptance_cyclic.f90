@@ -36,7 +36,8 @@ module attrito_linear_receptance_cyclic
     procedure :: common_modes
     procedure :: mode_shapes
     procedure :: low_stiffness
-    procedure :: remainder
+    procedure :: static_stiffness
+    procedure :: own_block
     procedure :: block_between
     procedure :: project
     procedure :: rows_at
@@ -242,6 +243,14 @@ contains
     stiffness = h
   end function low_stiffness
 
+  pure function static_stiffness(self) result(stiffness)
+    class(receptance_cyclic_type), intent(in) :: self
+    real(wp), allocatable :: stiffness(:)
+
+    allocate (stiffness(self%common_modes()))
+    stiffness = 0.0_wp
+  end function static_stiffness
+
   subroutine block_between(self, h, rows_a, rows_b, block)
     class(receptance_cyclic_type), intent(in) :: self
     !> Number of the harmonic; numbers of contact rows
@@ -256,18 +265,17 @@ contains
     if (h == 0) block = real(block, wp)
   end subroutine block_between
 
-  subroutine remainder(self, low, rows, blocks)
+  subroutine own_block(self, rows, blocks)
     class(receptance_cyclic_type), intent(in) :: self
-    !> Number of lowest common modes, of which there are none; numbers of contact rows
-    integer, intent(in) :: low, rows(:)
+    !> Numbers of contact rows
+    integer, intent(in) :: rows(:)
     !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: blocks(:, :, 0:)
     integer :: h
 
-    if (low > self%common_modes()) error stop 'receptance: nodal diameters have no modes in common'
     blocks(:, :, :self%lowest - 1) = 0.0_wp
     do h = self%lowest, self%harmonics
       call self%block_between(h, rows, rows, blocks(:, :, h))
     end do
-  end subroutine remainder
+  end subroutine own_block
 end module attrito_linear_receptance_cyclic

@@ -27,7 +27,8 @@ module attrito_linear_receptance_modal
     procedure :: block_between
     procedure :: mode_shapes
     procedure :: low_stiffness
-    procedure :: remainder
+    procedure :: static_stiffness
+    procedure :: own_block
     procedure :: uncoupled_modes
     procedure :: without_springs
   end type receptance_modal_type
@@ -167,6 +168,13 @@ contains
     stiffness = 1.0_wp/self%flexibility(:low, h)
   end function low_stiffness
 
+  pure function static_stiffness(self) result(stiffness)
+    class(receptance_modal_type), intent(in) :: self
+    real(wp), allocatable :: stiffness(:)
+
+    stiffness = self%modal_stiffness
+  end function static_stiffness
+
   subroutine uncoupled_modes(self, stiffness, mass, damping)
     class(receptance_modal_type), intent(in) :: self
     !> Stiffness, of each mode or as a matrix; mass, of each mode or as a matrix; damping of each mode
@@ -213,13 +221,13 @@ contains
     end do
   end function diagonal
 
-  subroutine remainder(self, low, rows, blocks)
+  subroutine own_block(self, rows, blocks)
     class(receptance_modal_type), intent(in) :: self
-    !> Number of lowest modes; numbers of contact rows
-    integer, intent(in) :: low, rows(:)
+    !> Numbers of contact rows
+    integer, intent(in) :: rows(:)
     !> Block of the matrix, by harmonic
     complex(wp), intent(out) :: blocks(:, :, 0:)
-    real(wp) :: pairs(size(self%directions, 1) - low, size(rows)*(size(rows) + 1)/2)
+    real(wp) :: pairs(size(self%directions, 1), size(rows)*(size(rows) + 1)/2)
     real(wp) :: sums(size(pairs, 2), 2*self%harmonics + 1)
     integer :: h, i, j, pair
 
@@ -227,10 +235,11 @@ contains
     do j = 1, size(rows)
       do i = 1, j
         pair = pair + 1
-        pairs(:, pair) = self%directions(low + 1:, rows(i))*self%directions(low + 1:, rows(j))
+        pairs(:, pair) = self%directions(:, rows(i))*self%directions(:, rows(j))
       end do
     end do
-    sums = matmul(transpose(pairs), self%parts(low + 1:, :))
+    sums = matmul(transpose(pairs), self%parts)
+    if (self%lowest > 0) sums(:, 1) = 0.0_wp
     pair = 0
     do j = 1, size(rows)
       do i = 1, j
@@ -242,5 +251,5 @@ contains
         blocks(j, i, :) = blocks(i, j, :)
       end do
     end do
-  end subroutine remainder
+  end subroutine own_block
 end module attrito_linear_receptance_modal

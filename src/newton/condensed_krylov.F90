@@ -23,8 +23,8 @@ module attrito_newton_condensed_krylov
   type :: krylov_options_type
     !> Residual of the linear system, relative to its right-hand side; and what a product may leave out of a mode
     real(wp) :: tolerance = 1.0e-4_wp
-    !> Modes of the coarse system
-    integer :: low_modes = 32
+    !> Motions in the coarse system
+    integer :: coarse_motions = 32
     integer :: max_iterations = 300
   end type krylov_options_type
 
@@ -189,7 +189,7 @@ contains
 
     do
       anew = .not. kept%two_level%serve(context%system%balance, stiffening)
-      if (anew) call kept%two_level%make(context%system%balance, context%options%low_modes, stiffening, outcome%status)
+      if (anew) call kept%two_level%make(context%system%balance, context%options%coarse_motions, stiffening, outcome%status)
       if (outcome%status /= 0) return
       call new_two_level(context%system, kept%two_level, context%preconditioner)
       call run_with(kept%two_level, context, outcome)

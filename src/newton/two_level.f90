@@ -1,13 +1,13 @@
-!> Preconditioner of the condensed system: what the lowest modes of the stuck system carry from contact to contact, exactly, and of
-!> the rest what each contact feels of itself.
+!> Preconditioner of the condensed system: what a few motions of the contacts carry from one to another, exactly, and of the rest what
+!> each contact feels of itself.
 !>
-!> $$ R \approx R_{local} + U Z^{-1} U^T, \qquad (I + D R)^{-1} \approx A^{-1} - E U (Z + U^T E U)^{-1} U^T A^{-1}, $$
-!> $$ A = I + D R_{local}, \qquad E = A^{-1} D $$
+!> $$ R \approx L + U X U^T, \qquad (I + D R)^{-1} \approx A^{-1} - E U (I + X U^T E U)^{-1} X U^T A^{-1}, $$
+!> $$ A = I + D L, \qquad E = A^{-1} D $$
 !>
-!> U are the lowest modes at the contacts, Z their dynamic stiffness per harmonic (Woodbury's identity). A^-1, E and the inverse of
-!> the coarse system are those of `two_level_factors`, which may be of an earlier Newton iteration, of a point nearby: contacts and
-!> rows that they do not know count as stuck ones, E = 0. GMRES makes up for what has changed since. All is in single precision, so
-!> that it is not quite the same linear operator at every vector: flexible GMRES does not ask for that.
+!> U are the motions of `attrito_newton_coarse_space`, X their flexibility per harmonic (Woodbury's identity). A^-1, E and the
+!> solution of the coarse system are those of `two_level_factors`, which may be of an earlier Newton iteration, of a point nearby:
+!> contacts and rows that they do not know count as stuck ones, E = 0. GMRES makes up for what has changed since. All is in single
+!> precision, so that it is not quite the same linear operator at every vector: flexible GMRES does not ask for that.
 !> Source: Woodbury 1950; two-level Schwarz methods as in Toselli & Widlund 2005, doi:10.1007/b137868.
 module attrito_newton_two_level
   use attrito_core_kinds, only: sp, wp
@@ -26,7 +26,7 @@ module attrito_newton_two_level
     integer :: coefficients = 0
     !> Place of every active contact among those that the factors know, 0 for none
     integer, allocatable :: block_of(:)
-    !> Modes at the active rows [low, rows]
+    !> U^T at the active rows [low, rows]
     real(sp), allocatable :: shapes(:, :)
   contains
     procedure :: apply_inverse
@@ -50,7 +50,7 @@ contains
     self%coefficients = system%balance%coefficients()
     associate (active => system%balance%active)
       self%block_of = factors%places_of(active%contacts)
-      self%shapes = real(system%balance%receptance%mode_shapes(1, factors%low, places_of_rows(system%balance)), sp)
+      self%shapes = factors%shapes(:, places_of_rows(system%balance) - system%balance%first_row + 1)
     end associate
     call self%take_border()
     call move_alloc(self, preconditioner)
@@ -77,8 +77,6 @@ contains
     allocate (answer, mold=modal)
     flat_answer(1:size(answer)) => answer
     call times_vector(self%factors%coarse, flat_modal, flat_answer)
-    ! A frozen mean does not respond.
-    if (allocated(self%system%balance%frozen_mean)) answer(1, :) = 0.0_sp
     modal = matmul(answer, self%shapes)
     flat_modal(1:size(modal)) => modal
     call subtract_stiffness(self, flat_modal, flat_field)

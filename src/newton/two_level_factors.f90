@@ -1,15 +1,17 @@
 !> What the two-level preconditioner is made of, from the state of the contacts at one linear system, and kept for the next ones:
 !>
-!> $$ A^{-1} = (I + D R_{local})^{-1}, \qquad E = A^{-1} D, \qquad (Z + U^T E U)^{-1} $$
+!> $$ A^{-1} = (I + D L)^{-1}, \qquad E = A^{-1} D, \qquad (I + X U^T E U)^{-1} X $$
 !>
-!> The blocks couple the rows and harmonics of one contact; the coarse system couples the harmonics of some thirty modes and is
-!> inverted on every rank. They are kept in single precision, since reading them is what applying them costs. Making them costs as
-!> much as some tens of iterations of GMRES, so they are made anew only when iterations in excess of what they took at first add up to
-!> a dozen, when contacts have moved to other ranks or the series' length has changed, or when more or less of the springs is kept.
+!> The blocks couple the rows and harmonics of one contact; the coarse system (`attrito_newton_coarse_space`) couples the harmonics of
+!> some thirty motions and is solved on every rank. They are kept in single precision, since reading them is what applying them costs.
+!> Making them costs as much as some tens of iterations of GMRES, so they are made anew only when iterations in excess of what they
+!> took at first add up to a dozen, when contacts have moved to other ranks or the series' length has changed, or when more or less
+!> of the springs is kept.
 module attrito_newton_two_level_factors
   use attrito_core_kinds, only: sp, wp
-  use attrito_core_lapack, only: invert
-  use attrito_newton_active_jacobian, only: contact_jacobian_type, jacobian_of, places_of_rows
+  use attrito_core_lapack, only: invert, solve_dense
+  use attrito_newton_active_jacobian, only: contact_jacobian_type, jacobian_of
+  use attrito_newton_coarse_space, only: coarse_space_type, new_coarse_space
   use attrito_newton_kept_factors, only: kept_factors_type
   use attrito_balance_harmonic_balance, only: balance_type
   implicit none
@@ -34,8 +36,8 @@ module attrito_newton_two_level_factors
     integer, allocatable :: contacts(:)
     !> A^-1 and E by contact
     type(block_type), allocatable :: blocks(:)
-    !> Inverse of the coarse system [k low, k low], of so many modes
-    integer :: low = 0
+    !> Motions of the coarse system at all rows of this rank [low, rows]; its solution by what they receive [k low, k low]
+    real(sp), allocatable :: shapes(:, :)
     real(sp), allocatable :: coarse(:, :)
     !> Part of the springs kept in the step they were made for
     real(wp), private :: stiffening = 0.0_wp
@@ -79,27 +81,29 @@ contains
   end function places_of
 
   !> Make them for the balance's last evaluation.
-  subroutine make(self, balance, low, stiffening, status)
+  subroutine make(self, balance, motions, stiffening, status)
     class(two_level_factors_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
-    type(balance_type), intent(in) :: balance
-    !> Lowest modes in the coarse system
-    integer, intent(in) :: low
+    type(balance_type), intent(inout) :: balance
+    !> Motions in the coarse system at most
+    integer, intent(in) :: motions
     !> Part of their springs that contacts keep
     real(wp), intent(in) :: stiffening
     !> 0, or not: singular, and they are void
     integer, intent(out) :: status
-    real(wp), allocatable :: shapes(:, :)
+    type(coarse_space_type) :: space
+    complex(wp) :: local(3, 3, 0:balance%receptance%harmonics, size(balance%active%contacts))
 
     self%contacts = balance%active%contacts
-    self%low = min(low, balance%receptance%common_modes())
     self%stiffening = stiffening
     call self%begin(balance%changes, worth)
-    shapes = balance%receptance%mode_shapes(1, self%low, places_of_rows(balance))
-    call new_blocks(self, balance, status)
+    space = new_coarse_space(balance, motions)
+    self%shapes = real(space%shapes, sp)
+    call space%find_local(balance, local)
+    call new_blocks(self, balance, local, status)
     call agree(balance, status)
     if (status == 0) then
-      call new_coarse(self, balance, shapes, status)
+      call new_coarse(self, balance, space, status)
       call agree(balance, status)
     end if
     if (status /= 0) call self%discard()
@@ -116,13 +120,14 @@ contains
   end subroutine agree
 
   !> A^-1 and E, contact by contact, on the rows where D is not zero.
-  subroutine new_blocks(self, balance, status)
+  subroutine new_blocks(self, balance, local, status)
     type(two_level_factors_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> What each contact feels of itself, beside the coarse space [3, 3, 0:H, contacts]
+    complex(wp), intent(in) :: local(:, :, 0:, :)
     !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
-    complex(wp) :: local(3, 3, 0:balance%receptance%harmonics)
     type(contact_jacobian_type) :: jacobian
     real(wp), allocatable :: product(:, :), inverse(:, :)
     integer :: i, j
@@ -131,13 +136,12 @@ contains
     if (allocated(self%blocks)) deallocate (self%blocks)
     allocate (self%blocks(size(balance%active%contacts)))
     do i = 1, size(balance%active%contacts)
-      call receive_locally(self, balance, i, local)
       jacobian = jacobian_of(balance, i, self%stiffening)
       associate (block => self%blocks(i))
         block%rows = jacobian%rows
         if (allocated(product)) deallocate (product)
         allocate (product, mold=jacobian%values)
-        call times_local(jacobian%values, local, balance%active%rows(i), product)
+        call times_local(jacobian%values, local(:, :, :, i), balance%active%rows(i), product)
         inverse = product(:, block%rows)
         do j = 1, size(block%rows)
           inverse(j, j) = inverse(j, j) + 1.0_wp
@@ -150,24 +154,7 @@ contains
     end do
   end subroutine new_blocks
 
-  !> R_local of one active contact: its own receptance without the lowest modes.
-  subroutine receive_locally(self, balance, contact, local)
-    type(two_level_factors_type), intent(in) :: self
-    !> Harmonic balance: loads, contacts, receptance and its last residual
-    type(balance_type), intent(in) :: balance
-    !> Its place among the active ones
-    integer, intent(in) :: contact
-    !> [3, 3, 0:H]
-    complex(wp), intent(out) :: local(:, :, 0:)
-    integer :: row
-
-    associate (first => balance%first_row - 1 + balance%active%source(contact), n => balance%active%rows(contact))
-      call balance%receptance%remainder(self%low, [(first + row, row=0, n - 1)], local(:n, :n, :))
-    end associate
-    if (allocated(balance%frozen_mean)) local(:, :, 0) = 0.0_wp
-  end subroutine receive_locally
-
-  !> D R_local of one contact: R_local couples rows, and cosine with sine, of one harmonic.
+  !> D L of one contact: L couples rows, and cosine with sine, of one harmonic.
   pure subroutine times_local(jacobian, local, rows, product)
     !> Rows of it [any, k rows]
     real(wp), intent(in) :: jacobian(:, :)
@@ -197,71 +184,67 @@ contains
     end do
   end subroutine times_local
 
-  !> The inverse of Z + U^T E U, coefficient running faster than mode.
-  subroutine new_coarse(self, balance, shapes, status)
+  !> (I + X U^T E U)^-1 X, coefficient running faster than motion.
+  subroutine new_coarse(self, balance, space, status)
     type(two_level_factors_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
-    !> U^T [low, active rows]
-    real(wp), intent(in) :: shapes(:, :)
+    !> X and U
+    type(coarse_space_type), intent(in) :: space
     !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
-    real(wp), allocatable :: coarse(:, :, :, :), inverse(:, :)
-    complex(wp), allocatable :: stiffness(:)
-    integer :: k, h, i, first
+    real(wp), allocatable, target :: felt(:, :, :, :), flexibility(:, :, :, :)
+    real(wp), allocatable :: system(:, :), solution(:, :)
+    real(wp), pointer :: flat(:)
+    integer :: k, i, first, low
 
     status = 0
-    if (allocated(self%coarse)) deallocate (self%coarse)
-    if (self%low == 0) allocate (self%coarse(0, 0))
-    if (self%low == 0) return
+    low = space%number()
     k = balance%coefficients()
-    allocate (coarse(k, self%low, k, self%low), source=0.0_wp)
+    if (allocated(self%coarse)) deallocate (self%coarse)
+    if (low == 0) allocate (self%coarse(0, 0))
+    if (low == 0) return
+    allocate (felt(k, low, k, low), source=0.0_wp)
+    allocate (flexibility, source=felt)
     do first = 1, size(self%contacts), bunch
-      call add_bunch(self, balance, shapes, first, min(first + bunch - 1, size(self%contacts)), coarse)
+      call add_bunch(self, balance, first, min(first + bunch - 1, size(self%contacts)), felt)
     end do
-    call sum_over_ranks(coarse)
-    if (allocated(balance%frozen_mean)) then
-      coarse(1, :, :, :) = 0.0_wp
-      coarse(:, :, 1, :) = 0.0_wp
-    end if
-    do h = 0, balance%receptance%harmonics
-      stiffness = balance%receptance%low_stiffness(h, self%low)
-      do i = 1, self%low
-        if (h == 0) then
-          coarse(1, i, 1, i) = coarse(1, i, 1, i) + real(stiffness(i), wp)
-        else
-          associate (c => 2*h, s => 2*h + 1, re => real(stiffness(i), wp), im => aimag(stiffness(i)))
-            coarse(c, i, c, i) = coarse(c, i, c, i) + re
-            coarse(c, i, s, i) = coarse(c, i, s, i) + im
-            coarse(s, i, c, i) = coarse(s, i, c, i) - im
-            coarse(s, i, s, i) = coarse(s, i, s, i) + re
-          end associate
-        end if
-      end do
+    flat(1:size(felt)) => felt
+    call balance%ranks%sum(flat)
+    call spread_over_coefficients(space%flexibility, flexibility)
+    solution = reshape(flexibility, [k*low, k*low])
+    system = matmul(solution, reshape(felt, [k*low, k*low]))
+    do i = 1, k*low
+      system(i, i) = system(i, i) + 1.0_wp
     end do
-    inverse = reshape(coarse, [k*self%low, k*self%low])
-    call invert(inverse, status)
-    self%coarse = real(inverse, sp)
-
-  contains
-
-    subroutine sum_over_ranks(values)
-      !> Numbers to sum
-      real(wp), intent(inout), contiguous, target :: values(:, :, :, :)
-      real(wp), pointer :: flat(:)
-
-      flat(1:size(values)) => values
-      call balance%ranks%sum(flat)
-    end subroutine sum_over_ranks
+    call solve_dense(system, solution, status)
+    self%coarse = real(solution, sp)
   end subroutine new_coarse
 
+  !> X for cosine and sine: (c - i s)(re + i im).
+  pure subroutine spread_over_coefficients(complex_values, values)
+    !> [low, low, 0:H]
+    complex(wp), intent(in) :: complex_values(:, :, 0:)
+    !> [k, low, k, low], zeros to begin with
+    real(wp), intent(inout) :: values(:, :, :, :)
+    integer :: h
+
+    values(1, :, 1, :) = real(complex_values(:, :, 0), wp)
+    do h = 1, ubound(complex_values, 3)
+      associate (c => 2*h, s => 2*h + 1)
+        values(c, :, c, :) = real(complex_values(:, :, h), wp)
+        values(c, :, s, :) = aimag(complex_values(:, :, h))
+        values(s, :, c, :) = -aimag(complex_values(:, :, h))
+        values(s, :, s, :) = real(complex_values(:, :, h), wp)
+      end associate
+    end do
+  end subroutine spread_over_coefficients
+
   !> Add U^T E U of some contacts to the coarse system [k, low, k, low].
-  subroutine add_bunch(self, balance, shapes, from, to, coarse)
+  subroutine add_bunch(self, balance, from, to, coarse)
     type(two_level_factors_type), intent(in) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
-    !> Shapes of modes, a column each
-    real(wp), intent(in) :: shapes(:, :)
     !> First of the contacts; last of the contacts
     integer, intent(in) :: from, to
     !> Coarse system that is added to
@@ -272,17 +255,17 @@ contains
 
     k = size(coarse, 1)
     low = size(coarse, 2)
-    carriers = [(balance%active%first(i) + carrying_rows(self%blocks(i), k), i=from, to)]
+    carriers = [(balance%active%source(i) + carrying_rows(self%blocks(i), k), i=from, to)]
     allocate (stacked(k, k, low, size(carriers)), source=0.0_sp)
     j = 0
     do i = from, to
-      associate (first => balance%active%first(i), last => balance%active%first(i) + balance%active%rows(i) - 1, &
+      associate (first => balance%active%source(i), last => balance%active%source(i) + balance%active%rows(i) - 1, &
                  own => carrying_rows(self%blocks(i), k))
-        call stack(self%blocks(i), real(shapes(:, first:last), sp), own, stacked(:, :, :, j + 1:j + size(own)))
+        call stack(self%blocks(i), self%shapes(:, first:last), own, stacked(:, :, :, j + 1:j + size(own)))
         j = j + size(own)
       end associate
     end do
-    sums = matmul(reshape(stacked, [k*k*low, size(carriers)]), transpose(real(shapes(:, carriers), sp)))
+    sums = matmul(reshape(stacked, [k*k*low, size(carriers)]), transpose(self%shapes(:, carriers)))
     do j = 1, low
       do b = 1, k
         do i = 1, low

@@ -215,7 +215,7 @@ contains
 
     balance => solver%context%balance
     options = solver%context%linear
-    options%krylov%low_modes = min(options%krylov%low_modes, adjoint_modes)
+    options%krylov%coarse_motions = min(options%krylov%coarse_motions, adjoint_modes)
     options%krylov%tolerance = min(options%krylov%tolerance, adjoint_tolerance)
     allocate (adjoint, response, mold=balance%response)
     right = new_unknowns([balance%coefficients(), balance%rows()], shape(balance%slider))

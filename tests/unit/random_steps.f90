@@ -72,10 +72,10 @@ contains
   end function packed
 
   !> Always by GMRES, to a tolerance, with so many low modes in the coarse system.
-  pure type(linear_options_type) function by_gmres(tolerance, low_modes)
+  pure type(linear_options_type) function by_gmres(tolerance, motions)
     real(wp), intent(in) :: tolerance
-    integer, intent(in) :: low_modes
+    integer, intent(in) :: motions
 
-    by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=tolerance, low_modes=low_modes))
+    by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=tolerance, coarse_motions=motions))
   end function by_gmres
 end module random_steps

@@ -282,7 +282,7 @@ contains
       right = random_right(balance)
       step(i) = right
       call solve_linearised(balance, random_constraint(), right, linear_options_type( &
-                            dense_limit=0, krylov=krylov_options_type(low_modes=4)), step(i), iterations(i), status)
+                            dense_limit=0, krylov=krylov_options_type(coarse_motions=4)), step(i), iterations(i), status)
       call check(error, status == 0 .and. iterations(i) > 3, 'GMRES was not needed: the test is void')
       call balance%destroy()
     end do
@@ -305,7 +305,7 @@ contains
     right = random_right(balance)
     step = right
     call solve_linearised(balance, random_constraint(), right, linear_options_type(dense_limit=0, krylov=krylov_options_type( &
-                          tolerance=1.0e-13_wp, low_modes=2, max_iterations=2)), step, iterations, status, kept)
+                          tolerance=1.0e-13_wp, coarse_motions=2, max_iterations=2)), step, iterations, status, kept)
     call check(error, status == 0 .and. iterations == 2, 'it is not handed out')
     call check(error, .not. kept%two_level%serve(balance, 0.0_wp), 'its preconditioner is kept')
     call balance%destroy()
