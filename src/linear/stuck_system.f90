@@ -334,7 +334,8 @@ contains
     if (free == 0) return
     write (text, '(i0)') free
     call raise(error, 'stiffness: with every contact stuck, K + B^T K_c B leaves '//trim(text)//' motion(s) free: expected'// &
-               ' supports or contacts that hold every body (one-tangent contacts may leave a direction free)', fault_of_input)
+               ' supports or contacts that hold every body (one-tangent contacts may leave a direction free),'// &
+               ' or [model] suspension_hz of a structure that floats', fault_of_input)
   end subroutine check_nothing_is_free
 
   !> The cheapest receptance that is exact for the structure's damping.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from elastic import DENSITY, elastic_block
 from scipy.linalg import eigh
+from scipy.sparse import block_diag
 
 from attrito.importers.first_look import centre_of_gravity, first_look, natural_frequencies
 from attrito.model.model import Model
@@ -38,6 +39,17 @@ def test_natural_frequencies_of_a_floating_body_are_those_of_dense_matrices_afte
     assert found[6:] == pytest.approx(exact, rel=1e-8)
     said = ", ".join(f"{f:.5g}" for f in exact)
     assert first_look(model)[1] == f"natural frequencies without contacts: {said} Hz and 6 rigid-body modes"
+    assert "[model] suspension_hz" in first_look(model)[2]
+
+
+def test_of_two_bodies_that_float_all_rigid_body_modes_are_counted_and_elastic_ones_are_listed():
+    one = block()
+    two = Model(*(block_diag([matrix, matrix], format="csr") for matrix in (one.stiffness, one.mass)))
+    listed, floats = first_look(two)[0].split(" Hz")
+    assert floats == " and 12 rigid-body modes"
+    exact = np.sqrt(eigh(one.stiffness.toarray(), one.mass.toarray(), eigvals_only=True)[6:8]) / (2 * np.pi)
+    found = [float(f) for f in listed.split(": ")[1].split(", ")]
+    assert found == pytest.approx([exact[0], exact[0], exact[1]], rel=1e-4)
 
 
 def test_a_held_body_has_no_rigid_body_modes_and_dofs_without_mass_follow():

@@ -82,8 +82,16 @@ def _frequencies(model: Model) -> list[str]:
         return []
     try:
         found = natural_frequencies(model, SHOWN + MOST_RIGID)
+        # Several bodies that float
+        while np.count_nonzero(found) < SHOWN and 4 * len(found) < model.size:
+            found = natural_frequencies(model, 2 * len(found))
     except (ArpackError, RuntimeError) as error:
         return [f"natural frequencies: not found ({error})"]
     rigid, elastic = int(np.count_nonzero(found == 0.0)), found[found > 0.0]
     floats = f" and {rigid} rigid-body mode{'s' if rigid > 1 else ''}" if rigid else ""
-    return [f"natural frequencies without contacts: {', '.join(f'{f:.5g}' for f in elastic[:SHOWN])} Hz{floats}"]
+    lines = [f"natural frequencies without contacts: {', '.join(f'{f:.5g}' for f in elastic[:SHOWN])} Hz{floats}"]
+    if rigid:
+        lines += [
+            "  what floats has to be held by contacts; what floats with them, by `[model] suspension_hz` of the job"
+        ]
+    return lines

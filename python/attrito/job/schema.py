@@ -79,6 +79,13 @@ TABLES: dict[str, dict[str, Key]] = {
         "gyroscopic_hz": Key(
             frequency(), None, "with `gyroscopic`: the speed that it is of, which `attrito campbell` needs"
         ),
+        "suspension_hz": Key(
+            frequency(),
+            None,
+            "of a structure that floats, as one measured free-free: it hangs in springs on which it moves rigidly"
+            " at this frequency, (2 pi f)^2 M beside K; far below its first elastic mode"
+            " ([models.md](models.md#structures-that-float))",
+        ),
         "units": Key(
             unit_set,
             None,

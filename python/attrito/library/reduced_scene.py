@@ -91,6 +91,7 @@ class ReducedScene:
     gyroscopic : G of the Coriolis forces at the speed of the job, `[m, m]`, skew; None without them
     damping_ratios : of the kind "ratio", that of each mode of the stuck system, ascending in frequency, `[m]`; None:
         `damping_value` is that of all
+    suspension_hz : what the stiffness holds of springs that the structure hangs in, (2 pi f)^2 M; 0: none
     """
 
     mass: np.ndarray
@@ -108,6 +109,7 @@ class ReducedScene:
     sector: Sector | None = None
     gyroscopic: np.ndarray | None = None
     damping_ratios: np.ndarray | None = None
+    suspension_hz: float = 0.0
 
     def turning(self, factor: float) -> ReducedScene:
         """The same with the Coriolis forces of another speed, so many times the scene's own."""

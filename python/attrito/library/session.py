@@ -55,6 +55,9 @@ class Options:
     curve_tolerance: float = 0.01
 
 
+# Rigid-body modes on a suspension that are looked for; by what part they may lie above its frequency
+MOST_SUSPENDED, SUSPENDED = 24, 0.01
+
 _errors_of = operator.attrgetter(*ERRORS)
 
 
@@ -297,22 +300,34 @@ class Solver:
     ) -> tuple[np.ndarray, np.ndarray, int]:
         """Amplitudes `[monitors, frequencies]` at level 1 of one of `REFERENCES`; `tangent` after the static path.
 
-        Also the lowest `natural` natural frequencies of its elastic modes, Hz, and how many rigid-body modes it has.
+        Also the lowest `natural` natural frequencies of its elastic modes, Hz, and how many rigid-body modes it has,
+        those on a suspension among them.
         """
         angular = np.ascontiguousarray(2.0 * np.pi * np.asarray(frequencies_hz, dtype=float))
         amplitude = np.zeros((len(self._scene.monitors), len(angular)))
-        lowest, rigid = np.zeros(natural), ctypes.c_int()
+        listed = natural + MOST_SUSPENDED if self._scene.suspension_hz and natural else natural
+        lowest, rigid = np.zeros(listed), ctypes.c_int()
         self._call(
             "attrito_linear_response",
             REFERENCES.index(reference),
             len(angular),
             pointer(angular),
             pointer(amplitude),
-            natural,
+            listed,
             pointer(lowest),
             ctypes.byref(rigid),
         )
-        return amplitude, lowest[: max(len(self._scene.mass) - rigid.value, 0)], rigid.value
+        lowest = lowest[: max(len(self._scene.mass) - rigid.value, 0)]
+        suspended = self._suspended(lowest)
+        return amplitude, lowest[suspended : suspended + natural], rigid.value + suspended
+
+    def _suspended(self, natural_hz: np.ndarray) -> int:
+        """How many of some frequencies, ascending, are of motions that nothing but the suspension holds.
+
+        Nothing is lower than these; (2 pi f)^2 M rounds beside the largest eigenvalue of K, hence the part added.
+        """
+        highest = (1.0 + SUSPENDED) * self._scene.suspension_hz
+        return int(np.count_nonzero(natural_hz <= highest)) if highest > 0.0 else 0
 
     @property
     def sector(self) -> Sector | None:
@@ -333,7 +348,7 @@ class Solver:
         shapes = np.zeros((count, len(self._scene.mass)))
         arrays = pointer(natural), pointer(ratio), pointer(shapes)
         self._call("attrito_linear_modes", REFERENCES.index(reference), count, *arrays, ctypes.byref(rigid))
-        return LinearModes(natural, ratio, shapes, rigid.value)
+        return LinearModes(natural, ratio, shapes, max(rigid.value, self._suspended(natural)))
 
     def diameter_modes(self, reference: str, diameter: int, count: int) -> LinearModes:
         """Those of a sector at a nodal diameter, `linear_modes` being of a structure by itself.

@@ -206,6 +206,7 @@ class Merger:
             np.ascontiguousarray(load + (springs * free) @ beside),
             *plain,
             scene.monitor_names,
+            suspension_hz=scene.suspension_hz,
         )
         return MergedScene(reduced, basis, partition, share, rows, stiffness, damping, load[0])
 

@@ -262,6 +262,8 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         vectors, directions = vectors @ axes, directions @ axes
     static, harmonic, monitors = np.split(np.ascontiguousarray(vectors, dtype=float), np.cumsum(counts)[:-1])
     kind, value, damping = _damping(job, mass, stiffness, damping)
+    suspension_hz = job["model"]["suspension_hz"] or 0.0
+    stiffness = stiffness + (2.0 * np.pi * suspension_hz) ** 2 * mass
     return ReducedScene(
         *(np.ascontiguousarray(matrix, dtype=float) for matrix in (mass, stiffness)),
         kind,
@@ -275,6 +277,7 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         sector_of(scene, *place, interface, axes),
         None if scene.spin is None else np.ascontiguousarray(scene.spin * gyroscopic),
         _ratios_of_modes(job, len(mass)),
+        suspension_hz,
     )
 
 
