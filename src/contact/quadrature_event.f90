@@ -20,6 +20,9 @@ module attrito_contact_quadrature_event
   private
   public :: evaluate_contact_by_events
 
+  !> Of the ends of a clamp, whose coefficients are sums of some terms
+  real(wp), parameter :: rounding = 1.0e-13_wp ! derived
+
 contains
 
   !> Forces and Jacobian of one contact with one tangent.
@@ -53,13 +56,22 @@ contains
     call march_events(events, highest)
     forces%slider = [state%slider, 0.0_wp]
     forces%moved = [0.0_wp, 0.0_wp]
-    forces%unique = lowest%slider >= highest%slider - 1.0e-13_wp*(abs(lowest%slider) + abs(highest%slider))
+    forces%unique = lowest%slider >= highest%slider .or. .not. differ(lowest%slider, highest%slider)
     call march_events(events, state, intervals, count)
     call integrate(law, events, intervals(:count), motion, forces)
-    call classify(events, intervals(:count), abs(forces%slider(1) - slider) > 0.0_wp, forces)
+    call classify(events, intervals(:count), differ(forces%slider(1), slider), forces)
     if (.not. forces%without_jacobian) call differentiate(forces, size(motion, 1))
     if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
   end subroutine evaluate_contact_by_events
+
+  !> Do two sliders differ by more than rounding? One that stands at an end of its clamp is not moved by that: the contact rests, and
+  !> does not follow what the end does.
+  elemental logical function differ(one, other)
+    !> Sliders
+    real(wp), intent(in) :: one, other
+
+    differ = abs(one - other) > rounding*(abs(one) + abs(other))
+  end function differ
 
   !> Coefficients of the deviation and its Jacobian, from the moments of where the slider moves and where the contact is open.
   subroutine integrate(law, events, intervals, motion, forces)

@@ -25,6 +25,7 @@ program test_contact_events
                 test('a contact in stick and slip has the Jacobian of differences', slipping), &
                 test('a contact that opens and lands has the Jacobian of differences', lift_off), &
                 test('a shaken-down contact has the Jacobian of differences', shaken_down), &
+                test('a contact whose slider stands at its limit to rounding rests there', at_its_limit), &
                 test('the second derivative is that of differences of the Jacobian, and symmetric', second_derivative), &
                 test('a stuck contact has a constant deviation and no Jacobian', stuck), &
                 test('an open contact has the Jacobian of minus its springs', opened), &
@@ -179,6 +180,23 @@ contains
 
     call check_jacobian(error, 0.1_wp*motion_of(1, 10.0_wp), 5.0_wp, state_shaken_down)
   end subroutine shaken_down
+
+  !> Beyond its limit by units in the last place, far within what counts as rounding, 1e-13, it is not moved; by 1e-9 it is.
+  subroutine at_its_limit(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(contact_forces_type) :: forces
+    real(wp) :: motion(k, 2), limit
+
+    motion = 0.1_wp*motion_of(1, 10.0_wp)
+    forces = forces_of(motion, 5.0_wp)
+    limit = forces%slider(1)
+    call check(error, forces%state == state_shaken_down .and. limit > 0.0_wp .and. limit < 5.0_wp, 'pushed to its limit')
+    forces = forces_of(motion, limit*(1.0_wp + 4.0_wp*epsilon(1.0_wp)))
+    call check(error, forces%state == state_stuck .and. .not. allocated(forces%jacobian), 'rests there')
+    call check_close(error, forces%slider(1), limit, 1.0e-15_wp*limit, 'the slider')
+    forces = forces_of(motion, limit*(1.0_wp + 1.0e-9_wp))
+    call check(error, forces%state == state_shaken_down .and. allocated(forces%jacobian), 'moved')
+  end subroutine at_its_limit
 
   subroutine second_derivative(error)
     type(error_type), allocatable, intent(out) :: error
