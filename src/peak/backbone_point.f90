@@ -55,7 +55,7 @@ module attrito_peak_backbone_point
     !> Was the last point found? Newton's iterations that it took
     logical :: found = .false.
     integer :: iterations = 0
-    !> Does it repeat but for sliders that creep on (`attrito_peak_slider_creep`)? Does the curve fold in a between the point before and
+    !> Does it repeat but for sliders that creep on (`attrito_peak_slider_creep`)? Does the curve fold in a between the last point and
     !> this one?
     logical :: creeps = .false., folded = .false.
     !> M phi/m of each mode that is held in generalised coordinates of harmonic 1 [n, modes], and F_1 [n]

@@ -59,7 +59,7 @@ module attrito_peak_climb
 contains
 
   !> From the solver's motion and frequency to the nearest peak uphill; the solver stands there, or where it was left.
-  subroutine climb(problem, solver, iterations, found, at_corner)
+  subroutine climb(problem, solver, iterations, found, at_corner, early_stop)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
@@ -68,6 +68,8 @@ contains
     integer, intent(out) :: iterations
     !> Is there a peak? Is it a corner?
     logical, intent(out) :: found, at_corner
+    !> Give the solver's frequency up after a few iterations of Newton's method? If not given, do not
+    logical, intent(in), optional :: early_stop
     type(branch_seed_type) :: here, next
     real(wp) :: length
     integer :: i
@@ -76,7 +78,7 @@ contains
     found = .false.
     at_corner = .false.
     iterations = 0
-    call face_uphill(problem, solver, here, iterations, solved)
+    call face_uphill(problem, solver, here, iterations, solved, early_stop)
     if (.not. solved) return
     length = here%unit*atan(here%slope*here%unit)
     do i = 1, most_points
@@ -96,7 +98,7 @@ contains
   end subroutine climb
 
   !> The solver's point, with the tangent along which A rises.
-  subroutine face_uphill(problem, solver, here, iterations, solved)
+  subroutine face_uphill(problem, solver, here, iterations, solved, early_stop)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
@@ -107,8 +109,10 @@ contains
     integer, intent(inout) :: iterations
     !> Is there such a point?
     logical, intent(out) :: solved
+    !> Give it up after a few iterations of Newton's method? If not given, do not
+    logical, intent(in), optional :: early_stop
 
-    call solver%solve_at(solver%omega)
+    call solver%solve_at(solver%omega, early_stop)
     iterations = iterations + solver%report%iterations
     solved = solver%report%converged
     if (solved) call look_around(problem, solver, frequency_tangent(solver, 1.0_wp), here, solved)

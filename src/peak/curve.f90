@@ -199,7 +199,7 @@ contains
       call solve_in_plane(self, solver, before, stop, stuck, length, plane, reached)
       self%found = .false.
       if (leads_on(before%parameter, value_of(self%problem, solver), stop)) then
-        call correct_from(self, solver, plane, error)
+        call correct_from(self, solver, plane, error, early_stop=.true.)
         iterations = iterations + self%iterations
         ! A maximum stays one.
         if (self%found) self%found = error < accepted .and. leads_on(before%parameter, value_of(self%problem, solver), stop) &
@@ -214,7 +214,7 @@ contains
     end do
     if (.not. reached .and. passed(before%parameter, value_of(self%problem, solver), stop)) then
       call set_value(self%problem, solver, stop)
-      call correct_from(self, solver, plane_type(value=stop), error)
+      call correct_from(self, solver, plane_type(value=stop), error, early_stop=.true.)
       iterations = iterations + self%iterations
       reached = self%found
       stuck = .true.
@@ -313,13 +313,15 @@ contains
     integer, intent(inout) :: iterations
     !> Was it found without a sweep?
     logical, intent(out) :: climbed
+    logical :: drifts
 
     call climb_to(self, solver, before, value, .false., iterations)
     climbed = self%found
     if (climbed) return
+    drifts = solver%evidence%is_drifting
     call go_back(self, solver, before)
     call set_value(self%problem, solver, value)
-    call self%sweep_here(solver)
+    call self%sweep_here(solver, drifts)
     iterations = iterations + self%iterations
   end subroutine search
 
@@ -353,20 +355,25 @@ contains
   end subroutine climb_to
 
   !> The largest peak about the solver's frequency.
-  subroutine sweep_here(self, solver)
+  subroutine sweep_here(self, solver, drifts)
     class(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Is there no periodic motion at its frequency? If not given, nothing is known
+    logical, intent(in), optional :: drifts
     integer :: status
+    logical :: known
 
-    call sweep_for_peak(self%problem, solver, self%band, self%iterations, self%found, self%at_corner, self%ending)
+    known = .false.
+    if (present(drifts)) known = drifts
+    call sweep_for_peak(self%problem, solver, self%band, known, self%iterations, self%found, self%at_corner, self%ending)
     if (.not. self%found) return
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
   end subroutine sweep_here
 
   !> Correct, and tell how far the corrector went from the prediction, relative.
-  subroutine correct_from(self, solver, plane, error)
+  subroutine correct_from(self, solver, plane, error, early_stop)
     type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -374,6 +381,8 @@ contains
     type(plane_type), intent(in) :: plane
     !> Distance from prediction to correction, relative to the motion
     real(wp), intent(out) :: error
+    !> Give a climb up early where the prediction is not nearly a solution, since a shorter step follows? If not given, do not
+    logical, intent(in), optional :: early_stop
     real(wp), allocatable :: moved(:, :)
     real(wp) :: omega, parameter
 
@@ -381,7 +390,7 @@ contains
     omega = solver%omega
     parameter = value_of(self%problem, solver)
     if (climbs(solver)) then
-      call climb_here(self, solver)
+      call climb_here(self, solver, early_stop)
     else
       self%at_corner = .false.
       call correct(self%problem, solver, plane, self%point, self%iterations, self%found)
@@ -401,13 +410,15 @@ contains
   end function climbs
 
   !> The peak uphill from the solver's motion and frequency.
-  subroutine climb_here(self, solver)
+  subroutine climb_here(self, solver, early_stop)
     type(curve_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Give the solver's frequency up after a few iterations of Newton's method? If not given, do not
+    logical, intent(in), optional :: early_stop
     integer :: status
 
-    call climb(self%problem, solver, self%iterations, self%found, self%at_corner)
+    call climb(self%problem, solver, self%iterations, self%found, self%at_corner, early_stop)
     self%found = self%found .and. is_in_band(self, solver)
     if (.not. self%found) return
     call linearise(self%problem, solver, self%point, status)

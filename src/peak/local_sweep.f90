@@ -20,8 +20,9 @@ module attrito_peak_local_sweep
   !> Half the width of swept ranges, in turn, parts of the frequency; the whole band is swept after them
   real(wp), parameter :: half_widths(2) = [0.03_wp, 0.1_wp] ! guess
   integer, parameter :: most_points = 300 ! conventional
-  !> Newton's iterations after which a range is given up: a usual one takes 100 to 500, a frequency without a solution a thousand
-  integer, parameter :: most_iterations = 2000 ! guess
+  !> Newton's iterations after which a range is given up: a usual one takes 100 to 500, a frequency without a solution a thousand;
+  !> where a body is known to drift at the last peak's frequency, from one end
+  integer, parameter :: most_iterations = 2000, iterations_beside_drift = 500 ! guess
 
   !> What a sweep has shown of a range
   type :: range_type
@@ -37,20 +38,22 @@ module attrito_peak_local_sweep
     real(wp) :: amplitude = -1.0_wp
     !> Is it the first point, or as high as the last one that was solved?
     logical :: first = .false., last = .false.
-    !> Was the stop reached without a frequency that is not solved? Is there no periodic motion where it ended?
-    logical :: reached_stop = .false., drifts = .false.
+    !> Was the stop reached without a frequency that is not solved? Is there no periodic motion where it ended? Did it take too long?
+    logical :: reached_stop = .false., drifts = .false., given_up = .false.
   end type highest_type
 
 contains
 
   !> From the solver's sliders to the largest peak about its frequency. The solver is at the peak, or anywhere if there is none.
-  subroutine sweep_for_peak(problem, solver, band, iterations, found, at_corner, ending)
+  subroutine sweep_for_peak(problem, solver, band, drifts, iterations, found, at_corner, ending)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequencies that the peak lies between, rad/s
     real(wp), intent(in) :: band(2)
+    !> Is there no periodic motion at the solver's frequency?
+    logical, intent(in) :: drifts
     !> Newton's iterations of all points
     integer, intent(out) :: iterations
     !> Is there a peak? Is it a corner?
@@ -74,7 +77,7 @@ contains
       ends = [minval(band), maxval(band)]
       if (i <= size(half_widths)) ends = min(max(start%omega*(1.0_wp + half_widths(i)*[-1, 1]), ends(1)), ends(2))
       if (ends(1) >= ends(2)) cycle
-      call find_highest(problem, solver, ends, range, used)
+      call find_highest(problem, solver, ends, drifts, range, used)
       iterations = iterations + used
       call solver%set_scales(minval(band), maxval(band))
       if (range%inside .or. (range%at_gap .and. .not. range%drifts)) then
@@ -101,29 +104,32 @@ contains
 
   !> To the point of a range at which the amplitude is largest: by a sweep from one end to the other or to a frequency that is not
   !> solved, and then by one from the other end, so that of frequencies without a solution but the outermost are tried.
-  subroutine find_highest(problem, solver, ends, range, iterations)
+  subroutine find_highest(problem, solver, ends, drifts, range, iterations)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Least and greatest angular frequency, rad/s
     real(wp), intent(in) :: ends(2)
+    !> Is there no periodic motion at a frequency between?
+    logical, intent(in) :: drifts
     type(range_type), intent(out) :: range
     !> Newton's iterations of all points
     integer, intent(out) :: iterations
     type(snapshot_type) :: start
     type(highest_type) :: sweeps(2)
-    integer :: higher
+    integer :: higher, most
 
     iterations = 0
+    most = merge(iterations_beside_drift, most_iterations, drifts)
     start = snapshot_of(solver)
-    call sweep_to_gap(problem, solver, ends(1), ends(2), sweeps(1), iterations)
+    call sweep_to_gap(problem, solver, ends(1), ends(2), most, sweeps(1), iterations)
     if (.not. sweeps(1)%reached_stop) then
       call restore(solver, start)
-      call sweep_to_gap(problem, solver, ends(2), ends(1), sweeps(2), iterations)
+      call sweep_to_gap(problem, solver, ends(2), ends(1), merge(iterations + most, most, drifts), sweeps(2), iterations)
     end if
     higher = maxloc(sweeps%amplitude, 1)
-    range%drifts = any(sweeps%drifts)
+    range%drifts = any(sweeps%drifts .or. (sweeps%given_up .and. drifts))
     associate (highest => sweeps(higher))
       if (highest%amplitude < 0.0_wp) return
       range%inside = .not. (highest%first .or. highest%last)
@@ -134,13 +140,15 @@ contains
   end subroutine find_highest
 
   !> A sweep up to its stop or to the first frequency that is not solved.
-  subroutine sweep_to_gap(problem, solver, from, to, highest, iterations)
+  subroutine sweep_to_gap(problem, solver, from, to, most, highest, iterations)
     !> Whose peak it is, and in what it is followed
     type(problem_type), intent(in) :: problem
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequencies to begin and to end at, rad/s
     real(wp), intent(in) :: from, to
+    !> Newton's iterations, counted on, at which it is given up
+    integer, intent(in) :: most
     type(highest_type), intent(out) :: highest
     !> Counts on
     integer, intent(inout) :: iterations
@@ -151,7 +159,7 @@ contains
     real(wp), allocatable :: monitors(:, :)
 
     sweep = new_sweep(solver, from, to, 1, most_points)
-    do while (.not. sweep%finished .and. iterations < most_iterations)
+    do while (.not. sweep%finished .and. iterations < most)
       call sweep%advance(solver)
       iterations = iterations + solver%report%iterations
       if (.not. solver%report%converged) then
@@ -167,5 +175,6 @@ contains
       call highest%snapshot%take(solver)
     end do
     highest%reached_stop = sweep%reached_stop
+    highest%given_up = .not. sweep%finished
   end subroutine sweep_to_gap
 end module attrito_peak_local_sweep

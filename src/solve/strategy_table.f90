@@ -5,6 +5,7 @@ module attrito_solve_strategy_table
   use attrito_balance_stuck_response, only: linear_motion
   use attrito_solve_homotopy, only: follow_homotopy, frequency_homotopy_type, level_homotopy_type
   use attrito_solve_mean_regularisation, only: can_regularise, find_drift
+  use attrito_solve_period_march, only: can_march, solve_by_periods
   use attrito_solve_solver, only: solver_type
   use attrito_solve_stiffness_homotopy, only: can_soften, solve_by_stiffness
   use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
@@ -72,7 +73,7 @@ contains
 
   !> The strategies, in their order.
   function strategies() result(table)
-    type(strategy_type) :: table(9)
+    type(strategy_type) :: table(10)
 
     table = [ &
             strategy_type('newton_early_stop', &
@@ -91,6 +92,11 @@ contains
                           condition='coupled; up to 400 rows of contacts; no parallel elements', &
                           cost='16 windows of 10 to 25 periods, a solve from each', &
                           no_orbit_ends=.true., is_possible=has_time_integrator, solve=solve_from_means_in_time), &
+            strategy_type('period_march', &
+                          path='the point before; periods one by one, each from where the last has left sliders and mean', &
+                          condition='coupled; all contacts with two tangents; where there is no time integration', &
+                          cost='64 periods, a solve of each', &
+                          is_possible=can_march_alone, solve=solve_by_march), &
             strategy_type('regularised_level_homotopy', &
                           path='the static solution; the level of the loads in steps, with springs on the mean', &
                           condition='coupled', &
@@ -182,6 +188,23 @@ contains
 
     call solve_from_time_integration(solver, search%omega, search%previous, search%outcome)
   end subroutine solve_from_means_in_time
+
+  !> Time integration shows a drift, too, for all contacts.
+  pure logical function can_march_alone(solver)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+
+    can_march_alone = can_march(solver) .and. .not. has_time_integrator(solver)
+  end function can_march_alone
+
+  subroutine solve_by_march(solver, search)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> What is looked for, and what was found so far
+    type(search_type), intent(inout) :: search
+
+    call solve_by_periods(solver, search%omega, search%outcome)
+  end subroutine solve_by_march
 
   subroutine solve_by_regularised_level(solver, search)
     !> Solver of points, which this moves

@@ -17,6 +17,7 @@ STRATEGIES = (
     "newton_early_stop",
     "mean_regularisation",
     "time_integration",
+    "period_march",
     "regularised_level_homotopy",
     "newton",
     "stuck_response",
