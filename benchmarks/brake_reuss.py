@@ -115,11 +115,22 @@ def backbone(work: Path, job: Path) -> dict[str, np.ndarray]:
         names = ("amplitude", "frequency_hz", "damping_ratio", "estimate", "iterations", "outcome")
         values = {name: found[f"points/{name}"][()] for name in names}
         values["states"] = found["contacts/state"][()]
-
+        if found.attrs["method"] == "quasi_static":
+            values["first_harmonic"] = first_harmonic(work, found["points/coordinates"][()]) / values["amplitude"]
         if "points/patches" in found:
             values["patches"] = found["points/patches"][()]
         values["tangent_hz"] = found.attrs["tangent_hz"]
     return values | {"seconds": np.array(seconds)}
+
+
+def first_harmonic(work: Path, coordinates: np.ndarray) -> np.ndarray:
+    """Of the tangent mode's coordinate, whose shape is the motion at the lowest amplitude, where nothing slips."""
+    with h5py.File(work / "rom.h5") as reduced:
+        mass = reduced["mass"][()]
+    shape = coordinates[0, :, 1]
+    reader = mass @ shape / np.sqrt(shape @ mass @ shape)
+    amplitudes: np.ndarray = np.linalg.norm(np.einsum("n,pnk->pk", reader, coordinates[:, :, 1:3]), axis=1)
+    return amplitudes
 
 
 def masing(published: np.ndarray) -> np.ndarray:
@@ -157,6 +168,7 @@ def write_table(published: np.ndarray, first: dict[str, np.ndarray], found: dict
     columns += ["contact by contact"]
     for way, mode in found.items():
         columns += [f"{way}: f, zeta", "stuck, slipping, open, outcome"]
+        columns += ["by its first harmonic: f, zeta"] if "first_harmonic" in mode else []
         columns += ["patches, estimate"] if "patches" in mode else []
     print("|".join(["", *columns, ""]))
     print("|" + "---|" * len(columns))
@@ -183,10 +195,15 @@ def write_table(published: np.ndarray, first: dict[str, np.ndarray], found: dict
 def _cells(mode: dict[str, np.ndarray], i: int) -> list[str]:
     """Of one way at one amplitude."""
     if i >= len(mode["amplitude"]) or not np.isfinite(mode["damping_ratio"][i]):
-        return [""] * (2 + ("patches" in mode))
+        return [""] * (2 + ("first_harmonic" in mode) + ("patches" in mode))
     counts = np.bincount(mode["states"][i], minlength=4)
     states = f"{counts[0] + counts[1]}, {counts[2]}, {counts[3]}, {OUTCOMES[mode['outcome'][i]]}"
-    cells = [f"{mode['frequency_hz'][i] / mode['tangent_hz']:.4f}, {mode['damping_ratio'][i]:.2e}", states]
+    f, zeta = mode["frequency_hz"][i] / mode["tangent_hz"], mode["damping_ratio"][i]
+    cells = [f"{f:.4f}, {zeta:.2e}", states]
+    if "first_harmonic" in mode:
+        # omega^2 = A/q_1 and zeta = W/(2 pi A q_1) in place of Q, half the range of q.
+        part = mode["first_harmonic"][i]
+        cells.append(f"{f / np.sqrt(part):.4f}, {zeta / part:.2e}")
     if "patches" in mode:
         cells.append(f"{mode['patches'][i]}, {mode['estimate'][i]:.1e}")
     return cells
