@@ -29,9 +29,8 @@ module attrito_sensitivity_parameter_derivatives
   public :: differentiate_directly, differentiate_by_adjoint, differentiate_by_frequency, derivative_along
 
   !> Modes of the coarse system of an adjoint's preconditioner, which one or two systems pay for, not a point's many. With 32 that
-  !> took half of the derivatives' time. GMRES' tolerance: two solves come below what derivatives are solved to
+  !> took half of the derivatives' time
   integer, parameter :: adjoint_modes = 16 ! measured
-  real(wp), parameter :: adjoint_tolerance = 1.0e-5_wp ! derived
 
 contains
 
@@ -216,7 +215,6 @@ contains
     balance => solver%context%balance
     options = solver%context%linear
     options%krylov%coarse_motions = min(options%krylov%coarse_motions, adjoint_modes)
-    options%krylov%tolerance = min(options%krylov%tolerance, adjoint_tolerance)
     allocate (adjoint, response, mold=balance%response)
     right = new_unknowns([balance%coefficients(), balance%rows()], shape(balance%slider))
     moved = right
