@@ -2,10 +2,12 @@
 !>
 !> At the linear peak's frequency the level is lowered until all contacts stick, or but a few, or it is small; the peak there is
 !> followed to the level that is asked for. Where no step along that way is solved the response is swept at this level, which costs
-!> less than a search at every level in between; such searches are the last resort.
+!> less than a search at every level in between; such searches are the last resort. Many contacts, of which a sweep is dear, are first
+!> asked whether they drift there.
 module attrito_peak_first_peak
   use attrito_core_kinds, only: wp
   use attrito_solve_strategies, only: solve_by_strategies
+  use attrito_solve_time_integration_start, only: has_time_integrator
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_peak_condition, only: problem_type, set_value, parameter_level
@@ -37,7 +39,7 @@ contains
     type(curve_type) :: way
     real(wp) :: target, level
     integer :: i
-    logical :: begun, solved, sticks
+    logical :: begun, solved, sticks, drifts
 
     self%problem = problem
     self%band = band
@@ -62,10 +64,16 @@ contains
     way = self
     last = snapshot_of(solver)
     level = solver%context%balance%level
-    call restore(solver, start)
-    solver%omega = omega
     call set_value(self%problem, solver, target)
-    call self%sweep_here(solver)
+    drifts = begun .and. .not. has_time_integrator(solver)
+    if (drifts) then
+      ! Before a sweep of many contacts, which is dear.
+      call solve_by_strategies(solver, solver%omega)
+      drifts = solver%evidence%is_drifting
+    end if
+    call restore(solver, start)
+    solver%omega = merge(last%omega, omega, drifts)
+    call self%sweep_here(solver, drifts)
     if (self%found) call self%take_highest(solver)
     if (self%found .or. self%ending /= ending_not_found .or. .not. begun) return
     self = way
