@@ -14,7 +14,7 @@ module attrito_accuracy_force_change
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: change_by_force
+  public :: change_by_force, respond_to_force
 
 contains
 
@@ -28,10 +28,29 @@ contains
     real(wp), intent(out) :: change
     !> 0, or not: the linearised step is singular
     integer, intent(out) :: status
+    complex(wp), allocatable :: response(:, :)
+
+    change = 0.0_wp
+    call respond_to_force(solver, force, response, status)
+    if (status /= 0) return
+    associate (balance => solver%context%balance)
+      change = relative_change(balance%monitors%motion_of(balance%response), balance%monitors%motion_of(response))
+    end associate
+  end subroutine change_by_force
+
+  !> The response to a force beside the loads, with that to the loads themselves.
+  subroutine respond_to_force(solver, force, response, status)
+    !> Solver of points, at a solution
+    type(solver_type), intent(inout) :: solver
+    !> Fourier coefficients on the model's coordinates [m, 2 H + 1]
+    real(wp), intent(in) :: force(:, :)
+    !> x_h, by harmonic [n, 0:H]
+    complex(wp), allocatable, intent(out) :: response(:, :)
+    !> 0, or not: the linearised step is singular
+    integer, intent(out) :: status
     type(unknowns_type) :: right, moved
     complex(wp), allocatable :: added(:, :), part(:, :)
 
-    change = 0.0_wp
     associate (balance => solver%context%balance)
       ! A stuck response is known without an evaluation.
       if (solver%all_stick) then
@@ -45,10 +64,11 @@ contains
       call solve_for_estimate(solver, right, moved, status)
       if (status /= 0) return
       call balance%respond_to_deviation(change_of_deviation(balance, right, moved), part)
-      added = balance%response + added + part
+      added = added + part
       call balance%receptance%respond_derivative(balance%response, part)
-      added = added + moved%omega*part
-      change = relative_change(balance%monitors%motion_of(balance%response), balance%monitors%motion_of(added))
+      ! Its bounds are the balance's, of harmonics from 0 on.
+      allocate (response, source=balance%response)
+      response = response + added + moved%omega*part
     end associate
-  end subroutine change_by_force
+  end subroutine respond_to_force
 end module attrito_accuracy_force_change

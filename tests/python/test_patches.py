@@ -231,6 +231,8 @@ def test_a_mode_followed_with_patches_is_that_of_all_pairs():
             reports = [reported(one) for one in (solver, merged)]
             work = [np.nansum(report["/contacts/dissipated_energy"]) for report in reports]
             ratios = [one.damping_ratio(own) for one, own in zip((whole, coarse), work, strict=True)]
+            missing = abs(ratios[1] - ratios[0]) / max(ratios[0], 1e-12)
+            assert missing <= 3.0 * reports[1]["/points/error_dissipation"] + 1e-6
             assert reports[1]["/points/error_dissipation"] <= 0.025
             assert ratios[1] == pytest.approx(ratios[0], rel=0.05, abs=1e-12)
             slips.append(whole.point.states[2])
@@ -238,6 +240,30 @@ def test_a_mode_followed_with_patches_is_that_of_all_pairs():
             damping.append(ratios[0])
     assert max(slips) >= 8 and max(damping) > 0.005, "the test is void unless contacts slip and damp"
     assert patches[0] < max(patches) < len(places.tables)
+
+
+def test_what_a_force_changes_of_a_mode_is_what_a_stiffness_does_that_gives_this_force():
+    scene, _ = block()
+    scene = replace(scene, damping_kind="viscous", damping=10.0 * scene.mass)
+    part = 1.0e-5
+    stiffer = replace(scene, stiffness=(1.0 + part) * scene.stiffness)
+    with Solver(MPI.COMM_SELF, scene, OPTIONS) as first, Solver(MPI.COMM_SELF, stiffer, OPTIONS) as second:
+        points = []
+        for solver in (first, second):
+            solver.follow_static_path(FULL, 1, 700.0)
+            modes = solver.linear_modes("tangent", 1)
+            # The amplitude is that of the first one's shape in both.
+            shapes = modes.shapes[:1] if not points else points[0][1]
+            tracker = ModeTracker(solver, scene, shapes, float(modes.natural_hz[0]))
+            point = tracker.at(1.4e-5)
+            assert point.converged and point.point.states[2] >= 8, "the test is void unless contacts slip"
+            points.append((point, shapes, tracker))
+        motion = first.coordinates()
+        change = points[0][2].change_by_force(-part * scene.stiffness @ motion)
+    omega = [2.0 * np.pi * point.point.frequency_hz for point, _, _ in points]
+    xi = [point.drive["excitation"] for point, _, _ in points]
+    assert change[0] == pytest.approx(omega[1] - omega[0], rel=1e-3)
+    assert change[1] == pytest.approx(xi[1] - xi[0], rel=1e-3)
 
 
 def reported(solver):

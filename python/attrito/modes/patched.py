@@ -82,7 +82,8 @@ class PatchedModeTracker:
         while True:
             one = self._tracker.at(amplitude)
             iterations += one.iterations
-            judged, finer = self._solver.judge_mode(one.point, one.kinetic, one.structural_ratio)
+            change = self._tracker.change_by_force
+            judged, finer = self._solver.judge_mode(one.point, one.kinetic, one.structural_ratio, change)
             one = replace(one, point=judged.point, iterations=iterations)
             if finer is None:
                 break

@@ -36,7 +36,7 @@ class Comparison:
 
     Parameters
     ----------
-    force : of all rows `[rows, nk]`
+    force, lacking : of all rows, and what they are more than the patches stand for `[rows, nk]`
     indicated : of each pair, complex: what its force lacks, times its motion, all harmonics `[nc]`
     states : of each pair `[nc]`
     work, missing_work : what all pairs dissipate a period, and by how much that is more than what the patches do
@@ -45,6 +45,7 @@ class Comparison:
     """
 
     force: np.ndarray
+    lacking: np.ndarray
     indicated: np.ndarray
     states: np.ndarray
     work: float
@@ -72,7 +73,9 @@ def compare(merger: Merger, merged: MergedScene, motion: np.ndarray, of_pairs: H
     own, theirs = (np.nan_to_num(one["/contacts/dissipated_energy"][1]) for one in (of_pairs, of_patches))
     beside = np.abs(own - merged.share * theirs[merged.partition])
     states = of_pairs["/contacts/state"][1].astype(int)
-    return Comparison(force, indicated, states, float(own.sum()), float(own.sum() - theirs.sum()), float(beside.sum()))
+    return Comparison(
+        force, lacking, indicated, states, float(own.sum()), float(own.sum() - theirs.sum()), float(beside.sum())
+    )
 
 
 def errors_of_point(found: Comparison, change: float, loss: float) -> tuple[float, float]:
@@ -88,18 +91,25 @@ def errors_of_point(found: Comparison, change: float, loss: float) -> tuple[floa
     return max(change, PART_OF_LOSS * missing / loss), missing / max(found.work, LEAST_LOSS * loss)
 
 
-def errors_of_mode(found: Comparison, energy: float, structural_ratio: float) -> tuple[float, float]:
+def errors_of_mode(
+    found: Comparison, omega: float, kinetic: float, structural_ratio: float, change: np.ndarray
+) -> tuple[float, float]:
     """Errors by patches of a nonlinear mode's frequency, and of what its contacts dissipate.
 
     Parameters
     ----------
-    energy : omega^2 sum_h h^2 q_h^H M q_h
+    omega, kinetic : angular frequency, rad/s; sum_h h^2 q_h^H M q_h
     structural_ratio : damping ratio by the structure
+    change : of omega and xi by what the balance of all pairs lacks, rad/s; NaN where it is not known
     """
+    energy = omega**2 * kinetic
     # Pairs may cancel by chance to first order, and so may what is in phase and what is in quadrature.
     error = float(np.abs(found.indicated).sum()) / (2.0 * energy)
     loss = found.work + 2.0 * np.pi * structural_ratio * energy
-    return error, abs(found.missing_work) / max(found.work, LEAST_LOSS_OF_MODE * loss)
+    # A period takes pi xi omega sum_h h^2 q_h^H M q_h.
+    missing = max(abs(found.missing_work), np.pi * omega * kinetic * abs(np.nan_to_num(change[1])))
+    error = max(error, abs(np.nan_to_num(change[0])) / omega)
+    return error, missing / max(found.work, LEAST_LOSS_OF_MODE * loss)
 
 
 def work_of_loads(merged: MergedScene, point: Point, motion: np.ndarray) -> float:
@@ -132,6 +142,12 @@ def unbalanced(merged: MergedScene, point: Point, motion: np.ndarray, force: np.
     loaded = min(len(scene.harmonic), motion.shape[1])
     result[:, :loaded] += point.level * scene.harmonic[:loaded].T
     return result
+
+
+def lacking_load(merged: MergedScene, found: Comparison) -> np.ndarray:
+    """phi of a point without loads, whose patches are in balance, in the coordinates that are solved `[n, nk]`."""
+    load: np.ndarray = -merged.rows.T @ found.lacking
+    return load
 
 
 def _assumed(merger: Merger, merged: MergedScene, of_patches: Heard, displacement: np.ndarray) -> np.ndarray:

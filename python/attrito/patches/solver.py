@@ -25,6 +25,7 @@ from attrito.patches.comparison import (
     compare,
     errors_of_mode,
     errors_of_point,
+    lacking_load,
     unbalanced,
     work_of_loads,
 )
@@ -295,14 +296,20 @@ class PatchedSolver(Solver):
         errors = errors_of_point(found, change, work_of_loads(self._merged, point, motion))
         return self._concluded(Verdict(point, *errors), found, self._accepted(point.estimate))
 
-    def judge_mode(self, point: Point, kinetic: float, structural_ratio: float) -> tuple[Verdict, np.ndarray | None]:
-        """The same of a point of a mode whose kinetic sum and damping ratio by the structure are given."""
+    def judge_mode(
+        self, point: Point, kinetic: float, structural_ratio: float, change_by_force: Callable[[np.ndarray], np.ndarray]
+    ) -> tuple[Verdict, np.ndarray | None]:
+        """The same of a point of a mode whose kinetic sum and damping ratio by the structure are given.
+
+        `change_by_force`: what a force on the patches' coordinates changes of omega and xi.
+        """
         if not point.is_solved:
             self._note_unsolved(point)
             return Verdict(point, np.nan, np.nan), None
         found = self._compare(point)
-        energy = (2.0 * np.pi * point.frequency_hz) ** 2 * kinetic
-        verdict = Verdict(point, *errors_of_mode(found, energy, structural_ratio))
+        change = change_by_force(lacking_load(self._merged, found))
+        omega = 2.0 * np.pi * point.frequency_hz
+        verdict = Verdict(point, *errors_of_mode(found, omega, kinetic, structural_ratio, change))
         point, finer = self._concluded(verdict, found, PATCHES_SHARE * self._tolerance)
         return replace(verdict, point=point), finer
 
