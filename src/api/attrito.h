@@ -177,8 +177,8 @@ void attrito_backbone_at(void *handle, double amplitude, int branch, attrito_bac
  * largest; NaN where they are not known. */
 void attrito_mode_errors(void *handle, double *harmonics, double *samples);
 
-/* What a force on the coordinates [coefficients, m] would change of the last point's angular frequency and negative damping, to first
- * order; 0, or not: a linear system is singular. */
+/* What a force on the coordinates [coefficients, m] would change of the last point's angular frequency and negative damping, to
+ * first order; 0, or not: a linear system is singular. */
 int attrito_change_mode_by_force(void *handle, int coefficients, const double *force, double *change);
 
 typedef struct {

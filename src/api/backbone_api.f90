@@ -114,8 +114,8 @@ contains
     samples = errors%samples
   end subroutine attrito_mode_errors
 
-  !> What a force on the coordinates [coefficients, m] would change of the last point's angular frequency and negative damping, to first
-  !> order; 0, or not: a linear system is singular.
+  !> What a force on the coordinates [coefficients, m] would change of the last point's angular frequency and negative damping, to
+  !> first order; 0, or not: a linear system is singular.
   integer(c_int) function attrito_change_mode_by_force(handle, coefficients, force, change) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
