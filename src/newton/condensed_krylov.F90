@@ -1,7 +1,7 @@
 #include <petsc/finclude/petscksp.h>
 #include "petsc_compatibility.h"
-!> The condensed linear system of a Newton step solved by flexible GMRES, the system applied as a product and preconditioned by the tangent
-!> reference or on two levels.
+!> The condensed linear system of a Newton step solved by flexible GMRES, the system applied as a product and preconditioned by the
+!> tangent reference or on two levels.
 !>
 !> Spread over ranks as the contacts are; unknowns are y where D is not zero, as it is zero elsewhere, and, the root's last, omega.
 !> Source: Saad & Schultz 1986, doi:10.1137/0907058; Saad 1993, doi:10.1137/0914028; Balay et al., PETSc users manual, chapter KSP.
