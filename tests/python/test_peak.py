@@ -19,12 +19,14 @@ from rubbing_mass import DAMPING, element, jenkins
 from scipy.optimize import brentq, minimize_scalar
 
 from attrito.library.integrator import Integrator, Run
+from attrito.library.names import OUTCOMES
 from attrito.library.peak_tracker import PeakTracker
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks import run as peaking
 from attrito.peaks.curve import Found, ending_of, jumps
 from attrito.peaks.file import read_peaks
+from attrito.peaks.plot import peak_curve
 from attrito.peaks.run import begin, follow
 from attrito.support.errors import NumericsError
 from attrito_verification.paper.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
@@ -207,6 +209,10 @@ def test_peaks_before_a_failure_are_written(tmp_path, capfd, monkeypatch):
     assert done.returncode == 1 and "PETSc failed" in done.stderr
     data, _ = read_peaks(str(tmp_path / "result.peaks.h5"))
     assert len(data["level"]) == 2 and (tmp_path / "result.peaks.png").exists()
+    with h5py.File(tmp_path / "result.peaks.h5", "r+") as file:
+        file["peaks/outcome"][...] = OUTCOMES.index("not_converged")
+    drawn = peak_curve(str(tmp_path / "result.peaks.h5"))
+    assert "no peak was found" in [text.get_text() for text in drawn.axes[0].texts] and not drawn.axes[0].get_legend()
 
 
 def test_ranks_find_the_same_peaks_and_backbone(tmp_path):

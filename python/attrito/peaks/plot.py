@@ -37,7 +37,7 @@ def peak_curve(path: str, look: Look | None = None) -> Figure:
         upper, lower, *differences = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
         for stuck, colour, label in (
             (True, STUCK_COLOUR, "all contacts stick"),
-            (False, BRANCH_COLOURS[0], "they slip"),
+            (False, BRANCH_COLOURS[0], "contacts slip"),
         ):
             for run in _runs(sticks == stuck, data["jump"] == 1):
                 power = data["elasticity"][run]
@@ -50,7 +50,9 @@ def peak_curve(path: str, look: Look | None = None) -> Figure:
                 axes.plot(value[i : i + 2], course[i : i + 2], color=STUCK_COLOUR, linestyle=":", linewidth=1.2)
         _mark(upper, lower, value, height, data)
         _mark_higher(upper, lower, value, data, parameter == "level")
-        if backbone is not None:
+        if not len(value):
+            upper.text(0.5, 0.5, "no peak was found", transform=upper.transAxes, ha="center", va="center")
+        if backbone is not None and len(value):
             _draw_backbone(upper, lower, backbone, value)
             _draw_differences(differences[0], value, data)
         upper.set_xscale("log")
@@ -60,7 +62,8 @@ def peak_curve(path: str, look: Look | None = None) -> Figure:
         upper.set_ylabel(with_unit(peak, axis_unit("user length", str(attributes.get("units", "")))))
         lower.set_ylabel("Frequency (Hz)")
         figure.axes[-1].set_xlabel(f"{parameter.capitalize()} factor")
-        upper.legend(loc="best")
+        if upper.get_legend_handles_labels()[0]:
+            upper.legend(loc="best")
     return figure
 
 
