@@ -11,7 +11,7 @@
 !> Near the onset sliders take hundreds of periods, most of which are extrapolated.
 module attrito_peak_slider_creep
   use attrito_core_kinds, only: wp
-  use attrito_solve_slider_steps, only: slider_steps_type, begin_passing, end_passing
+  use attrito_solve_slider_steps, only: slider_steps_type, begin_passing, end_passing, slowest_creep
   use attrito_solve_solver, only: solver_type
   use attrito_peak_backbone_point, only: backbone_type, base_point_type, base_point_of, start_from, correct
   implicit none
@@ -22,8 +22,6 @@ module attrito_peak_slider_creep
   !> five series of harmonics and samples, change at most 5e-9 of omega, 3.3e-6 of xi and 3.2e-4 of the drift, and no outcome
   integer, parameter :: most_periods = 64 ! guess
   real(wp), parameter :: same_omega = 3.0e-7_wp, same_excitation = 3.0e-6_wp ! guess
-  !> Sliders settle: largest part that a period leaves of the step before. One hundredth more or less changes nothing there
-  real(wp), parameter :: slowest_creep = 0.97_wp ! guess
 
 contains
 

@@ -7,7 +7,7 @@
 !> that repeats. Where period after period moves them, and the mean, by equal steps, the joint drifts: there is no periodic motion.
 module attrito_solve_period_march
   use attrito_core_kinds, only: wp
-  use attrito_solve_slider_steps, only: slider_steps_type, begin_passing, end_passing
+  use attrito_solve_slider_steps, only: slider_steps_type, begin_passing, end_passing, slowest_creep
   use attrito_solve_sliders, only: largest_defect
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
@@ -19,8 +19,6 @@ module attrito_solve_period_march
   !> Periods at most; relative change of the harmonics, and of the steps, from one period to the next, of a joint that drifts
   integer, parameter :: most_periods = 64 ! guess
   real(wp), parameter :: same_motion = 1.0e-6_wp, same_steps = 1.0e-3_wp ! guess
-  !> Sliders settle: largest part that a period leaves of the step before
-  real(wp), parameter :: slowest_creep = 0.97_wp ! guess
 
 contains
 

@@ -14,8 +14,11 @@ module attrito_solve_slider_steps
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: slider_steps_type, begin_passing, end_passing
+  public :: slider_steps_type, begin_passing, end_passing, slowest_creep
 
+  !> Sliders settle: largest part that a period leaves of the step before. One hundredth more or less changes nothing of a rocking
+  !> block's mode
+  real(wp), parameter :: slowest_creep = 0.97_wp ! guess
   !> Steps are extrapolated: largest part that a period leaves of what they change by, and by what part two such changes may differ in
   !> direction. There one hundredth more or less of the first changes nothing, half and twice the second 3e-9 of omega, 2e-6 of xi and
   !> 5e-5 of the drift of a rocking block's mode
@@ -77,13 +80,9 @@ contains
     class(slider_steps_type), intent(in) :: self
     !> Solver of points: its ranks
     type(solver_type), intent(in) :: solver
-    real(wp) :: squares(2)
 
     part = huge(part)
-    if (.not. allocated(self%slider_before)) return
-    squares = [sum(self%slider**2), sum(self%slider_before**2)]
-    call solver%context%balance%ranks%sum(squares)
-    part = sqrt(squares(1)/max(squares(2), tiny(1.0_wp)))
+    if (allocated(self%slider_before)) part = ratio_of_lengths(solver, self%slider, self%slider_before)
   end function part_of_last
 
   !> By what part the last step differs from the one before; huge where none was before.
@@ -91,14 +90,23 @@ contains
     class(slider_steps_type), intent(in) :: self
     !> Solver of points: its ranks
     type(solver_type), intent(in) :: solver
-    real(wp) :: squares(2)
 
     part = huge(part)
-    if (.not. allocated(self%slider_before)) return
-    squares = [sum((self%slider - self%slider_before)**2), sum(self%slider**2)]
-    call solver%context%balance%ranks%sum(squares)
-    part = sqrt(squares(1)/max(squares(2), tiny(1.0_wp)))
+    if (allocated(self%slider_before)) part = ratio_of_lengths(solver, self%slider - self%slider_before, self%slider)
   end function change_by
+
+  !> Length of one step by that of another, of all ranks.
+  real(wp) function ratio_of_lengths(solver, step, other) result(ratio)
+    !> Solver of points: its ranks
+    type(solver_type), intent(in) :: solver
+    !> This rank's [width, contacts]
+    real(wp), intent(in) :: step(:, :), other(:, :)
+    real(wp) :: squares(2)
+
+    squares = [sum(step**2), sum(other**2)]
+    call solver%context%balance%ranks%sum(squares)
+    ratio = sqrt(squares(1)/max(squares(2), tiny(1.0_wp)))
+  end function ratio_of_lengths
 
   !> Take sliders and mean to where steps lead whose changes are each the same part of the one before; steps before are forgotten.
   subroutine extrapolate(self, solver)
