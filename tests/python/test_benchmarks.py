@@ -14,6 +14,7 @@ import constants
 import constants_library
 import contact_harmonics
 import evidence
+import joints
 import kills
 import numpy as np
 import pairing
@@ -342,3 +343,30 @@ def test_derivatives_of_random_scenes_are_those_by_differences():
         assert sum(kind["sure"] for kind in kinds) > 0
     (cost,) = run("sensitivities.py", "--contacts", "20", "--harmonics", "1")["cost"]
     assert all(point["finite"] for point in cost["points"])
+
+
+def test_joints_are_drawn_alike_from_a_seed_with_60_to_400_pairs_of_faces_that_meet():
+    for number in range(joints.JOINTS):
+        joint, drawn = joints.draw(number, 42)
+        scene, again = (joints.scene_of(joints.draw(number, 42)[0]) for _ in range(2))
+        assert np.array_equal(scene.coordinates, again.coordinates)
+        assert 2000 < 3 * len(scene.coordinates) < 15000
+        assert all(len(rows) > 0 for rows in scene.node_sets.values())
+        if "points" not in drawn["contact"]:
+            assert 60 <= sum(len(scene.node_sets[a]) for a, _ in joint.pairs) <= 400
+        for cells in scene.elements.values():
+            corners = scene.coordinates[cells[:, [0, 1, 3, 4]]]
+            assert np.linalg.det(corners[:, 1:] - corners[:, :1]).min() > 0.0
+        for a, b in joint.pairs:
+            sides = (scene.coordinates[scene.node_sets[name]] for name in (a, b))
+            (low_a, high_a), (low_b, high_b) = ((side.min(axis=0), side.max(axis=0)) for side in sides)
+            assert np.all(low_a <= high_b + 0.1)
+            assert np.all(low_b <= high_a + 0.1)
+
+
+def test_contact_forces_of_a_joint_balance_its_bolts_at_rest(tmp_path):
+    # An angle bolted to another: the sum of normal forces is the bolts' force, since all faces are level.
+    row = joints.build(tmp_path, 7, 42)
+    force = joints.draw(7, 42)[0].bolts[1][1]
+    assert row["balance"] < 1e-6
+    assert row["normal"] == pytest.approx(force, rel=1e-6)
