@@ -22,7 +22,7 @@ install(FILES cmake/debian/completion DESTINATION share/bash-completion/completi
 install(DIRECTORY input meshes DESTINATION ${debian_documents}/examples COMPONENT debian EXCLUDE_FROM_ALL PATTERN __pycache__ EXCLUDE)
 install(DIRECTORY docs/ DESTINATION ${debian_documents}/docs COMPONENT debian EXCLUDE_FROM_ALL
   FILES_MATCHING PATTERN "*.md" PATTERN "*.png" PATTERN "*.svg" PATTERN __pycache__ EXCLUDE)
-install(FILES README.md DESTINATION ${debian_documents} COMPONENT debian EXCLUDE_FROM_ALL)
+install(FILES README.md CITATION.cff DESTINATION ${debian_documents} COMPONENT debian EXCLUDE_FROM_ALL)
 file(READ LICENSE license)
 string(REGEX REPLACE "^.*\n\n(Permission)" " \\1" license "${license}")
 string(REGEX REPLACE "\n+$" "" license "${license}")

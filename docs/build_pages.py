@@ -13,7 +13,7 @@ from mkdocs.config import load_config
 
 ROOT = Path(__file__).resolve().parents[1]
 # What pages link to, by its place in the source tree
-STAGED = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "LICENSE", "docs", "input")
+STAGED = ("README.md", "CONTRIBUTING.md", "CHANGELOG.md", "CITATION.cff", "LICENSE", "docs", "input")
 
 
 def stage(folder: Path) -> None:

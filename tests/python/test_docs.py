@@ -128,7 +128,8 @@ def test_every_input_has_a_page_that_tells_of_it(path):
 def test_pages_build_with_equations_contents_and_a_search_that_finds_their_words(tmp_path):
     build_pages.build(tmp_path / "site", tmp_path / "source")
     home = (tmp_path / "site" / "index.html").read_text()
-    assert "<svg" in home and "$$" not in home
+    theory = (tmp_path / "site" / "docs" / "theory.html").read_text()
+    assert '<p role="img"' in theory and "$$" not in theory
     # On a phone a row of many columns is a list, whose lines have the headings of the columns.
     assert '<td data-heading="default">' in (tmp_path / "site" / "docs" / "job.html").read_text()
     # The index of the search is a script, so that it works without a server.
@@ -284,7 +285,37 @@ def test_the_table_of_fallback_strategies_has_all_of_them_in_their_order_and_who
         assert f"| `{name}` | {' | '.join(words)} |" in (ROOT / "docs/method.md").read_text()
 
 
-def test_the_version_has_a_heading_in_the_changelog():
+def test_the_first_screens_fit_and_their_python_runs(tmp_path):
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 80 and max(map(len, text.splitlines())) <= 100
+    [code] = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=os.environ | ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.splitlines()[-1] in text and "Warning" not in done.stderr
+    # A curve a level
+    for place in (0.0, 0.5, 1.0):
+        assert pixels(tmp_path / "jenkins.png", level_map()(place)) > LEAST_PIXELS
+
+
+def test_numbers_of_the_readme_s_reasons_are_in_the_pages_that_they_link():
+    text = (ROOT / "README.md").read_text()
+    reasons = re.findall(r"^- (\*\*.*?)(?=^- |^#)", text, flags=re.DOTALL | re.MULTILINE)
+    assert len(reasons) == 4
+    for reason in reasons:
+        page = (ROOT / re.search(r"\]\(([^)#]+)", reason)[1]).read_text()
+        numbers = re.findall(r"\d{2,}(?:\.\d+)?", reason)
+        assert numbers and [number for number in numbers if not re.search(rf"\b{number}\b", page)] == []
+
+
+def test_the_version_has_a_heading_in_the_changelog_and_is_the_one_to_cite():
     version = tomllib.loads((ROOT / "python" / "pyproject.toml").read_text())["project"]["version"]
+    assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
     headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)
     assert headings[:2] == ["Unreleased", version]
