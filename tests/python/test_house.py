@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import subprocess
 import sys
 import tomllib
 from graphlib import CycleError, TopologicalSorter
@@ -153,6 +154,14 @@ def test_an_argument_without_a_line_is_found(tmp_path):
         ("b", True),
         ("c", False),
     ]
+
+
+@pytest.mark.parametrize("length", [72, 73])
+def test_a_commit_s_subject_has_at_most_72_characters(tmp_path, length):
+    (tmp_path / "message").write_text(f"# A comment\n\n{'é' * length}\n\n{'b' * 100}\n")
+    hook = SOURCE.parent / "script" / "hooks" / "commit-msg"
+    done = subprocess.run([hook, tmp_path / "message"], capture_output=True, text=True)
+    assert (done.returncode, "73 characters" in done.stderr) == ((0, False) if length == 72 else (1, True))
 
 
 def test_every_real_constant_of_fortran_says_where_its_number_is_from():
