@@ -41,9 +41,8 @@ INPUTS = ("stiffness.npz", "mass.npz", "rows.dof", "mesh.inp", "bolts.npy")
 WAYS = {
     "quasi-static": {"mode": {"method": "quasi_static"}},
     "EPMC": {"mode": {"method": "epmc"}},
-    "EPMC, patches": {"mode": {"method": "epmc"}, "balance": {"contacts": "auto", "tolerance": 0.01}},
 }
-COLOURS = {"quasi-static": "#0072B2", "EPMC": "#D55E00", "EPMC, patches": "#009E73"}
+COLOURS = {"quasi-static": "#0072B2", "EPMC": "#D55E00"}
 
 
 def prepare(folder: Path, work: Path) -> None:
@@ -60,13 +59,12 @@ def prepare(folder: Path, work: Path) -> None:
 def job_of(folder: Path, work: Path, way: str, options: argparse.Namespace) -> Path:
     """The folder's job with a mode by one way."""
     published = reference(folder)["modal_amplitude"]
-    name = way.replace(", ", "-").replace(" ", "-")
     mode = {
         "start": float(published[0]),
         "stop": float(published[-1]),
         "points": len(published),
         "near_hz": 167.0,
-        "file": f"{name}.mode.h5",
+        "file": f"{way}.mode.h5",
         "steps": options.steps,
     }
     tables = {"mode": mode, "balance": {"harmonics": options.harmonics, "samples": options.samples}}
@@ -83,7 +81,7 @@ def job_of(folder: Path, work: Path, way: str, options: argparse.Namespace) -> P
         for key in keys.keys() & own.get(table, {}).keys():
             before = re.escape(json.dumps(own[table][key]))
             text = re.sub(rf"(?m)^{key} = {before}$", f"{key} = {json.dumps(keys[key])}", text)
-    path = work / f"{name}.toml"
+    path = work / f"{way}.toml"
     path.write_text(text)
     return path
 
@@ -112,13 +110,11 @@ def backbone(work: Path, job: Path) -> dict[str, np.ndarray]:
     file = job.with_suffix(".mode.h5")
     seconds = np.nan if file.exists() else attrito(work, "mode", "--resume", job.name)
     with h5py.File(file) as found:
-        names = ("amplitude", "frequency_hz", "damping_ratio", "estimate", "iterations", "outcome")
+        names = ("amplitude", "frequency_hz", "damping_ratio", "iterations", "outcome")
         values = {name: found[f"points/{name}"][()] for name in names}
         values["states"] = found["contacts/state"][()]
         if found.attrs["method"] == "quasi_static":
             values["first_harmonic"] = first_harmonic(work, found["points/coordinates"][()]) / values["amplitude"]
-        if "points/patches" in found:
-            values["patches"] = found["points/patches"][()]
         values["tangent_hz"] = found.attrs["tangent_hz"]
     return values | {"seconds": np.array(seconds)}
 
@@ -169,7 +165,6 @@ def write_table(published: np.ndarray, first: dict[str, np.ndarray], found: dict
     for way, mode in found.items():
         columns += [f"{way}: f, zeta", "stuck, slipping, open, outcome"]
         columns += ["by its first harmonic: f, zeta"] if "first_harmonic" in mode else []
-        columns += ["patches, estimate"] if "patches" in mode else []
     print("|".join(["", *columns, ""]))
     print("|" + "---|" * len(columns))
     own_rule, q = masing(published), np.log(published["modal_amplitude"])
@@ -195,7 +190,7 @@ def write_table(published: np.ndarray, first: dict[str, np.ndarray], found: dict
 def _cells(mode: dict[str, np.ndarray], i: int) -> list[str]:
     """Of one way at one amplitude."""
     if i >= len(mode["amplitude"]) or not np.isfinite(mode["damping_ratio"][i]):
-        return [""] * (2 + ("first_harmonic" in mode) + ("patches" in mode))
+        return [""] * (2 + ("first_harmonic" in mode))
     counts = np.bincount(mode["states"][i], minlength=4)
     states = f"{counts[0] + counts[1]}, {counts[2]}, {counts[3]}, {OUTCOMES[mode['outcome'][i]]}"
     f, zeta = mode["frequency_hz"][i] / mode["tangent_hz"], mode["damping_ratio"][i]
@@ -204,8 +199,6 @@ def _cells(mode: dict[str, np.ndarray], i: int) -> list[str]:
         # omega^2 = A/q_1 and zeta = W/(2 pi A q_1) in place of Q, half the range of q.
         part = mode["first_harmonic"][i]
         cells.append(f"{f / np.sqrt(part):.4f}, {zeta / part:.2e}")
-    if "patches" in mode:
-        cells.append(f"{mode['patches'][i]}, {mode['estimate'][i]:.1e}")
     return cells
 
 
@@ -227,7 +220,7 @@ def draw(
     label = "the same, contact by contact"
     right.loglog(first["amplitude"][shown], first["by_contacts"][shown], linestyle="--", label=label, **style)
     for way, mode in found.items():
-        style = {"color": COLOURS[way], "label": way, "marker": "x" if "patches" in way else ".", "linestyle": "none"}
+        style = {"color": COLOURS[way], "label": way, "marker": ".", "linestyle": "none"}
         # A point at which the mode was lost has no damping.
         solved = np.isfinite(mode["damping_ratio"])
         left.semilogx(mode["amplitude"][solved], mode["frequency_hz"][solved] / mode["tangent_hz"], **style)

@@ -41,7 +41,6 @@ from attrito.fits.solution import Solution
 from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.modes.scene_at_rest import prepare, solver_at_rest
-from attrito.patches.partition import halves, of_parts
 from attrito.runs.progress import Progress
 from attrito.scene.build import build_scene
 
@@ -84,7 +83,9 @@ def _merge(path: Path, size: int) -> dict[str, np.ndarray]:
                 waiting += halves(pairs, scene.contacts.places["position"][pairs])
             elif len(pairs):
                 parts.append(pairs)
-    partition = of_parts(parts, len(closed))
+    partition = np.empty(len(closed), dtype=np.int64)
+    for number, pairs in enumerate(parts):
+        partition[pairs] = number
     whole = np.bincount(partition, area)
     weights = np.zeros((len(whole), len(closed)))
     weights[partition, np.arange(len(closed))] = area / whole[partition]
@@ -104,6 +105,15 @@ def _merge(path: Path, size: int) -> dict[str, np.ndarray]:
         "friction": reduced.laws["friction_coefficient"].mean(),
         **laws,
     }
+
+
+def halves(pairs: np.ndarray, positions: np.ndarray) -> list[np.ndarray]:
+    """Two parts of some pairs, across the direction that their positions `[n, 3]` spread most in."""
+    centred = positions - positions.mean(axis=0)
+    along = centred @ np.linalg.svd(centred, full_matrices=False)[2][0]
+    order = np.argsort(along, kind="stable")
+    middle = len(pairs) // 2
+    return [np.sort(pairs[order[:middle]]), np.sort(pairs[order[middle:]])]
 
 
 def _answers(stiffness: np.ndarray, mass: np.ndarray, rows: np.ndarray, load: np.ndarray) -> np.ndarray:

@@ -192,11 +192,6 @@ NOT_TAKEN = [
         put("stability", method="monodromy", orbit="exact"),
         ('job.toml: [stability] orbit = \'exact\': expected "balance" or "auto", which here is the same',),
     ),
-    Case(
-        "a sector with merged contacts",
-        put("balance", contacts="auto"),
-        ("job.toml: [balance] contacts = 'auto': expected \"all\": patches are not of a travelling wave",),
-    ),
 ]
 
 

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 from elastic import elastic_block
-from jobs import attrito_here, blocks, wedge, write_blocks, write_job
+from jobs import attrito, attrito_here, blocks, wedge, write_blocks, write_job
 from scipy.sparse import csr_matrix
 
 from attrito.model.model_file import write_model
@@ -31,6 +31,21 @@ def warnings_of(folder, capfd, job):
 
 def test_a_sound_scene_brings_no_warning(tmp_path, capfd):
     assert warnings_of(tmp_path, capfd, wedge()) == []
+
+
+@pytest.mark.parametrize("value", ["all", "auto"])
+def test_a_key_without_an_effect_is_accepted_and_named_once(tmp_path, capfd, value):
+    job = wedge()
+    job["sweep"] = {"frequencies_hz": [130.0, 132.0], "levels": [1.0, 0.5]}
+    assert warnings_of(tmp_path, capfd, job) == []
+    (tmp_path / "result.h5").rename(tmp_path / "without.h5")
+    job["balance"] = job.get("balance", {}) | {"contacts": value}
+    said = warnings_of(tmp_path, capfd, job)
+    assert said == ["job.toml: [balance] contacts has no effect: every pair is solved; the key can be deleted"]
+    with Result(tmp_path / "result.h5") as own, Result(tmp_path / "without.h5") as other:
+        assert own.attribute("job") == other.attribute("job")
+        assert np.array_equal(own.array("/contacts/force"), other.array("/contacts/force"))
+    assert attrito(tmp_path, "run", "job.toml", ranks=2).stdout.count("has no effect") == 1
 
 
 def test_a_static_solution_in_which_nothing_touches_is_told_once(tmp_path, capfd):

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.transforms import Bbox
 
-from attrito.charts.file import Chart, Way
-from attrito.charts.plot import SIZE, picture
+from attrito.charts.file import Chart, Way, stored_table, write
+from attrito.charts.plot import SIZE, picture, picture_of_chart
+from attrito.plots.style import Look
 
 # Error, seconds and counted work of ways: two near each other, two at one error, one at the right-hand end of the panel
 NEAR = [
@@ -52,6 +55,15 @@ def test_labels_meet_no_other_label_and_no_mark(ways):
         for i, extent in enumerate(extents):
             assert not any(extent.overlaps(other) for other in extents[:i] + marks), axes.texts[i].get_text()
             assert Bbox.intersection(extent, axes.get_window_extent()).bounds == pytest.approx(extent.bounds)
+
+
+def test_a_series_of_an_older_chart_stays_in_its_table_and_is_not_drawn(tmp_path):
+    ways = [Way("tolerance", "0.1", error=0.1, seconds=1.0, work=1e9), Way("patches", "0.1", error=0.2, seconds=2.0)]
+    path = str(tmp_path / "chart.h5")
+    write(replace(chart_of(NEAR), ways=ways), path, "job.toml")
+    assert [line.split(",")[0] for line in stored_table(path).splitlines()] == ["series", "tolerance", "patches"]
+    labels = [text.get_text() for text in picture_of_chart(path, Look()).axes[-1].get_legend().get_texts()]
+    assert "harmonics and samples by tolerance" in labels and not any("patches" in label for label in labels)
 
 
 def test_labels_are_next_to_their_marks():

@@ -23,7 +23,7 @@ FLOORS = (
     ("library", "model"),
     ("job",),
     ("importers",),
-    ("scene", "patches"),
+    ("scene",),
     ("results",),
     ("runs", "integration", "plots", "export"),
     ("peaks", "report", "stresses"),

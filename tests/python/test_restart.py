@@ -107,6 +107,22 @@ def test_the_journal_of_a_stopped_run_reads_as_a_result(cut):
     assert [row["outcome"] for row in rows] == ["converged"]
 
 
+def test_a_run_begun_with_a_key_that_has_lost_its_effect_goes_on(cut, tmp_path):
+    path = copy_of(cut, tmp_path)
+    records = [record for record, _ in read_journal(str(path))]
+    attributes = records[0].note["attributes"]
+    job = json.loads(attributes["job"])
+    assert "contacts" not in job["balance"]
+    job["balance"]["contacts"] = "all"
+    attributes["job"] = json.dumps(job)
+    journal = Journal(str(path))
+    for record in records:
+        journal.append(record)
+    journal.close()
+    done = attrito(tmp_path, "run", "--resume", "job.toml")
+    assert "going on after 1 points" in done.stdout and len(table(tmp_path)) > 1, done.stderr
+
+
 def test_a_journal_cut_anywhere_keeps_every_whole_point(tmp_path):
     # Every length that a kill could leave, of a journal of three records.
     path = str(tmp_path / "journal")

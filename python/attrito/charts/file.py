@@ -20,7 +20,6 @@ SERIES = {
     "sampled": "by samples, H and J fixed",
     "uncoupled": "uncoupled, H fixed",
     "modes": "fewer modes of the reduction",
-    "patches": "pairs merged into patches",
     "curve": "points of the drawn curve",
     "wheel": "the whole wheel by events or samples, H fixed",
     "uncondensed": "Newton's method on all coordinates (work by formula)",

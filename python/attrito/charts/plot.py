@@ -1,4 +1,4 @@
-"""The picture of `attrito chart`: error against processor time, counted work, the number of patches and of points."""
+"""The picture of `attrito chart`: error against processor time, counted work and the number of points."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ from attrito.charts.file import SERIES, Chart, Way, read
 from attrito.charts.labels import label_marks
 from attrito.plots.style import BRANCH_COLOURS, Look
 
-MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "h", "H", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
+MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "H", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
 HUES = (
     "#000000",
     *BRANCH_COLOURS[:4],
-    "#8a5a2b",
     BRANCH_COLOURS[0],
     "#000000",
     *BRANCH_COLOURS[4:],
@@ -26,9 +25,8 @@ HUES = (
 COLOURS = dict(zip(SERIES, HUES, strict=True))
 # Ways of these are few, and each has its label beside its mark
 LABELLED = ("points", "meshes")
-# Series with a panel of their own, whose cost is a number of something; alone: they are in no other
-COUNTED = {"patches": ("contacts", "Number of patches"), "curve": ("points", "Points of the sweep")}
-ALONE = ("curve",)
+# Series with a panel of their own, whose cost is a number of something; they are in no other
+COUNTED = {"curve": ("points", "Points of the sweep")}
 # Errors are drawn down to here; what is nearer cannot be distinguished from the reference
 LEAST_ERROR = 1e-9
 # Diameters of marks in points: of ways, of those by tolerance, of the one that the job asks for
@@ -38,7 +36,7 @@ SIZE, TOLERANCE_SIZE, STAR_SIZE = 4.5, 5.5, 15.0
 def picture(chart: Chart, look: Look | None = None) -> Figure:
     """A panel a cost; the efficient front is a line, the way that the job asks for a star.
 
-    Patches, and points of the drawn curve, have panels of their own beside these.
+    Points of the drawn curve have a panel of their own beside these.
 
     The dotted line is the reference's own estimated error: errors below it mean nothing.
     """
@@ -55,7 +53,7 @@ def picture(chart: Chart, look: Look | None = None) -> Figure:
             axes.set(xscale="log", xlabel=label)
         for axes, cost in zip(panels[:2], costs, strict=True):
             for series, label in SERIES.items():
-                if series not in ALONE:
+                if series not in COUNTED:
                     _draw(axes, [way for way in chart.ways if way.series == series], cost, series, label)
             _mark(axes, chart, cost)
             if np.isfinite(chart.reference.estimate):

@@ -30,7 +30,6 @@ from attrito.charts.fewer_modes import restricted
 from attrito.charts.file import LEAST_SHARE, SOLVED, Chart, Way
 from attrito.charts.flank import up_the_flank
 from attrito.charts.limited import processor_seconds, within
-from attrito.charts.patches import can_merge, patched_ways
 from attrito.charts.turns import in_turn
 from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
@@ -40,7 +39,6 @@ from attrito.library.laws import are_coulomb
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
-from attrito.patches.solver import places_of
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.solver_options import solver_options
@@ -81,7 +79,6 @@ class Bench:
         self._begun = processor_seconds()
         whole = build_scene(job)
         self._path = whole.load_path
-        self._places = places_of(whole.contacts.tables, whole.contacts.places)
         self._rom, _ = make_rom(comm, job, whole, say)
         self._scene = reduced_scene(job, whole, self._rom)
         # Where the job's model is a sector, all of them; otherwise the scene itself
@@ -234,7 +231,7 @@ class Bench:
         else:
             frozen = {"by_events": False, "uncoupled": True}
             series.append(self._climb("uncoupled", (self._fixed(h, samples, **frozen) for h in ladder if h <= 20)))
-        series += [self._fewer_modes(), self._fewer_contacts()]
+        series.append(self._fewer_modes())
         if self._scene.sector is not None:
             by_events = self._tangents == 1
             runs = (self._fixed(h, 8 * h + 2 if by_events else samples, by_events=by_events) for h in ladder if h <= 20)
@@ -309,18 +306,6 @@ class Bench:
             yield way
             if way.too_long or way.seconds > self._seconds:
                 return
-
-    def _fewer_contacts(self) -> Iterator[Way]:
-        """Pairs merged into patches, ever more of them."""
-        if not can_merge(self._scene, self._places):
-            return
-
-        def come_to_rest(solver: Solver) -> None:
-            solver.follow_static_path(self._path, self._job["static"]["steps"], self._frequencies[0])
-
-        options = self._automatic(max(1e-3, 10.0 * REFERENCE[self._tangents], self._accepted))
-        asked = self._frequencies, come_to_rest, self._level, self._error, self._seconds
-        yield from patched_ways(self._comm, self._scene, options, self._places, *asked)
 
     def _scene_kinds(self) -> np.ndarray:
         """Kinds of the coordinates that are solved, as in `Rom`: interface modes come last."""

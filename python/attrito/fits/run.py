@@ -21,7 +21,6 @@ from attrito.fits.found import Found
 from attrito.fits.measured import Measured
 from attrito.fits.solution import solutions_of, start_of
 from attrito.fits.source import Solved
-from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.runs.progress import Progress
@@ -49,8 +48,6 @@ def run_fit(comm: Comm, path: str | Fit) -> str:
     fit = on_root(comm, lambda: read_fit(path))
     jobs = on_root(comm, lambda: [read_job(one.job, excited=one.is_excited) for one in fit.data])
     on_root(comm, lambda: fit.check(jobs))
-    for job in jobs:
-        on_root(comm, lambda job=job: take_all_contacts(job, "fit"))
     with writing_alone(comm, fit.file):
         found = _Search(comm, fit, jobs, progress).run()
         on_root(comm, lambda: write_fit(fit, jobs, found))

@@ -61,13 +61,6 @@ def check_coriolis(job: Job) -> list[Fault]:
             job["sensitivity"]["to"],
             f"no such key: derivatives are {WITH_CORIOLIS}",
         ),
-        (
-            "balance",
-            "contacts",
-            job["balance"]["contacts"] == "auto",
-            "auto",
-            f'"all": pairs are merged {WITH_CORIOLIS}',
-        ),
     ]
     return faults + [
         job.fault(f"[{table}] {name}", value, words) for table, name, wrong, value, words in refused if wrong

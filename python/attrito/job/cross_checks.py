@@ -7,7 +7,6 @@ from pathlib import Path
 from attrito.job.accelerations import check_accelerations, moves_base
 from attrito.job.coriolis import check_coriolis
 from attrito.job.cyclic import check_cyclic
-from attrito.job.fewer_contacts import check_contacts
 from attrito.job.job import Job, campbell_path, files_by_key, mode_path, model_path, peak_path, rom_path
 from attrito.job.laws import check_laws, laws_by_samples
 from attrito.job.schema import ARRAYS, LOAD_KEYS
@@ -35,7 +34,6 @@ def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fa
         _check_balance,
         _check_stability,
         check_laws,
-        check_contacts,
         check_sensitivity,
         check_cyclic,
         check_coriolis,

@@ -75,7 +75,6 @@ def _not_with_a_sector(job: Job) -> list[tuple[str, str, bool, str]]:
     suspended = job["model"]["suspension_hz"] is not None
     return [
         ("model", "suspension_hz", suspended, "no such key: a wheel is held,"),
-        ("balance", "contacts", job["balance"]["contacts"] == "auto", '"all": patches are not of a travelling wave,'),
         ("stability", "orbit", job["stability"]["orbit"] == "exact", '"balance" or "auto", which here is the same,'),
     ]
 

@@ -24,5 +24,5 @@ def fill_accuracy(job: Job) -> None:
         balance["quadrature"] = "auto" if given or balance["harmonics"] == "auto" else "event"
     if reduction["modes"] == "auto" and reduction["error"] is None:
         reduction["error"] = MODES_SHARE * balance["tolerance"] if given else MODE_ERROR
-    if not given and "auto" in (balance["harmonics"], balance["quadrature"], balance["contacts"]):
+    if not given and "auto" in (balance["harmonics"], balance["quadrature"]):
         balance["tolerance"] = TOLERANCE

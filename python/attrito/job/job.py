@@ -21,12 +21,14 @@ class Job:
     tables : every table with every key, defaults filled in; lists of tables for `contact`, `contact_set`, `load`
     given : the tables that the file holds
     settings : values that stand for those of the file, as `balance.harmonics=9`
+    notes : what is to be said of keys that have no effect any more
     """
 
     path: str
     tables: dict[str, Any]
     given: frozenset[str]
     settings: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     def __getitem__(self, table: str) -> Any:
         return self.tables[table]

@@ -10,9 +10,13 @@ from attrito.job.checks import Check
 
 @dataclass(frozen=True)
 class Key:
-    """One key of a table: how its value is checked, its value when absent, and what it means (Markdown)."""
+    """One key of a table: how its value is checked, its value when absent, and what it means (Markdown).
+
+    `retired`: what is done whatever its value; the key is accepted, since older jobs have it, and says nothing.
+    """
 
     check: Check
     default: Any = None
     meaning: str = ""
     required: bool = False
+    retired: str = ""

@@ -100,7 +100,7 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True, like: Job | 
             _check_table(path, f"{name}[{i}]", row, keys, faults, old)
             for i, (row, old) in enumerate(zip(rows, there, strict=True))
         ]
-    job = Job(path, tables, frozenset(raw))
+    job = Job(path, tables, frozenset(raw), notes=tuple(f"{path}: {note}" for note in retire(tables)))
     fill_accuracy(job)
     if not excited and tables["output"]["monitors"] is None:
         tables["output"]["monitors"] = []
@@ -108,6 +108,16 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True, like: Job | 
     if faults:
         raise InputError(*faults)
     return job
+
+
+def retire(tables: dict[str, Any]) -> list[str]:
+    """Take the keys that have no effect any more out of a job's tables; a sentence for each that is given."""
+    retired = [(table, key, spec) for table, keys in TABLES.items() for key, spec in keys.items() if spec.retired]
+    return [
+        f"[{table}] {key} has no effect: {spec.retired}; the key can be deleted"
+        for table, key, spec in retired
+        if tables[table].pop(key, None) is not None
+    ]
 
 
 def _check_table(

@@ -248,10 +248,9 @@ TABLES: dict[str, dict[str, Key]] = {
         ),
         "contacts": Key(
             choice("all", "auto"),
-            "all",
-            'contacts that are solved for: all, or, `"auto"`, patches of the pairs of a contact set, as many as the'
-            " tolerance, 0.01 unless given, needs at each point; results are of all pairs"
-            " ([method.md](method.md#fewer-contacts))",
+            None,
+            "has no effect: every pair is solved. Older jobs have it",
+            retired="every pair is solved",
         ),
         "residual_tolerance": Key(
             number(1e-14, 1e-3),

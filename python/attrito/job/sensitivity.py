@@ -128,11 +128,10 @@ def check_sensitivity(job: Job) -> list[Fault]:
         if quantities:
             return [job.fault("[sensitivity] of", quantities, "no such key without to, the parameters")]
         return []
-    faults = [
-        job.fault(f"[{table}] {key}", job[table][key], f'"{fine}" with [sensitivity]')
-        for table, key, fine in (("balance", "approach", "coupled"), ("balance", "contacts", "all"))
-        if job[table][key] != fine
-    ]
+    faults = []
+    if job["balance"]["approach"] != "coupled":
+        expected = '"coupled" with [sensitivity]'
+        faults.append(job.fault("[balance] approach", job["balance"]["approach"], expected))
     if "cyclic" in job.given and "damping.ratio" in names:
         expected = "no ratio of the stuck modes with [cyclic]: they are those of each nodal diameter"
         faults.append(job.fault(f"[sensitivity] to[{names.index('damping.ratio')}]", "damping.ratio", expected))

@@ -118,8 +118,6 @@ def _checked(job: Job) -> Job:
         take_no_coriolis(job, "campbell on a whole model")
     if "campbell" not in job.given:
         raise InputError(job.fault("[campbell]", "missing", "this table, with speeds_hz"))
-    if job["balance"]["contacts"] == "auto":
-        raise InputError(job.fault("[balance] contacts", "auto", '"all": attrito campbell does not merge pairs'))
     return job
 
 

@@ -23,8 +23,8 @@ class ModePoint:
         drift of sliders; quasi-static: amplitude of the load, area of the loop, frequency and damping ratio by Masing's
         rule
     iterations : of Newton's method on the way here
-    error_harmonics, error_samples, error_contacts : parts of the estimated relative error, see `SERIES` in
-        `nonlinear.py`; NaN: not estimated
+    error_harmonics, error_samples : parts of the estimated relative error, see `SERIES` in `nonlinear.py`; NaN: not
+        estimated
     folded : whether the mode's curve folds between the point before and this one
     contact_work : of each contact a period, user energy, at the root `[nc]`; None: that of the balance
     """
@@ -38,14 +38,12 @@ class ModePoint:
     error_harmonics: float = np.nan
     error_samples: float = np.nan
     contact_work: np.ndarray | None = None
-    error_contacts: float = np.nan
     folded: bool = False
 
     @property
     def estimate(self) -> float:
         """Estimated relative error; NaN: not estimated."""
-        all_parts = self.error_harmonics, self.error_samples, self.error_contacts
-        parts = [part for part in all_parts if not np.isnan(part)]
+        parts = [part for part in (self.error_harmonics, self.error_samples) if not np.isnan(part)]
         return sum(parts) if parts else np.nan
 
     @property

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.job.cyclic import is_cyclic
-from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, mode_path
 from attrito.job.sensitivity import refuse_for_sectors
 from attrito.library.names import OUTCOMES
@@ -21,12 +20,10 @@ from attrito.modes.limit_cycles import NAMES as CYCLE_NAMES
 from attrito.modes.limit_cycles import LimitCycles
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import ModeDifferentiator
-from attrito.modes.patched import PatchedModeTracker
 from attrito.modes.quasi_static import QuasiStaticTracker
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.modes.table import table
 from attrito.modes.tracker import ModeTracker
-from attrito.patches.solver import PatchedSolver
 from attrito.peaks.fixed_series import fixed_series
 from attrito.plots.modes import mode_curve
 from attrito.plots.style import save
@@ -52,7 +49,7 @@ REFERENCES = (
     "Craig & Bampton 1968, doi:10.2514/3.4741"
 )
 # What finds points, by the method
-Tracker = ModeTracker | PatchedModeTracker | QuasiStaticTracker
+Tracker = ModeTracker | QuasiStaticTracker
 # Of a point at an amplitude that was asked for
 NO_CYCLE = CYCLE_NAMES[0]
 # Of modes that are looked through for the one meant
@@ -278,8 +275,6 @@ def new_tracker(job: Job, solver: Solver, scene: ReducedScene, modes: LinearMode
     """By the job's method, of the tangent mode of an index; the solver solves the scene."""
     shape, frequency_hz = modes.shapes[index], modes.natural_hz[index]
     equal = equal_modes(modes.natural_hz, index + 1)
-    if isinstance(solver, PatchedSolver):
-        return PatchedModeTracker(solver, frequency_hz)
     if job["mode"]["method"] == "epmc":
         return ModeTracker(solver, scene, modes.shapes[[number - 1 for number in equal]], frequency_hz)
     return QuasiStaticTracker(solver, len(scene.laws["tangents"]), shape, frequency_hz, job["mode"]["steps"])
@@ -343,8 +338,6 @@ def _first_record(comm: Comm, job: Job, scene: Scene, prepared: Prepared) -> Rec
 
 def check_mode(job: Job) -> None:
     """Faults between the keys of `[mode]` and the rest of the job."""
-    if job["mode"]["method"] == "quasi_static":
-        take_all_contacts(job, 'mode with method = "quasi_static"')
     refuse_for_sectors(job, "modes")
     keys = job["mode"]
     if "mode" not in job.given:

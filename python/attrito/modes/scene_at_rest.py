@@ -9,12 +9,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.job.fewer_contacts import check_one_process
 from attrito.job.job import Job
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.modes.families import families_of
-from attrito.patches.solver import PatchedSolver, Places, places_of
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
 from attrito.scene.reduced_model import make_rom, reduced_scene
@@ -36,14 +34,12 @@ class Prepared:
     rom, reduced : the reduced model, if there is one, and the scene in its coordinates; on rank 0 alone `rom` is there
     load_path : factors on the static loads, `[corners, loads]`
     options : of the solver
-    places : of the contacts, on rank 0 alone
     """
 
     rom: Rom | None
     reduced: ReducedScene
     load_path: np.ndarray
     options: Options
-    places: Places | None = None
 
 
 def prepare(comm: Comm, job: Job, scene: Scene | None, progress: Progress) -> Prepared:
@@ -55,33 +51,18 @@ def prepare(comm: Comm, job: Job, scene: Scene | None, progress: Progress) -> Pr
         comm, lambda: (reduced_scene(job, scene, rom), scene.load_path, solver_options(job, rom))
     )
     progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
-    places = None if scene is None else places_of(scene.contacts.tables, scene.contacts.places)
-    return Prepared(rom, reduced, load_path, options, places)
+    return Prepared(rom, reduced, load_path, options)
 
 
 @contextmanager
 def solver_at_rest(comm: Comm, job: Job, prepared: Prepared, progress: Progress) -> Iterator[Solver]:
     """A solver that has followed the static load path. Collective."""
-    with _new_solver(comm, job, prepared) as solver:
+    with Solver(comm, prepared.reduced, prepared.options) as solver:
         try:
             progress.static(come_to_rest(solver, job, prepared.load_path))
         finally:
             progress.warn(cautions.of_static_solution(solver.static_states))
         yield solver
-
-
-def _new_solver(comm: Comm, job: Job, prepared: Prepared) -> Solver:
-    """Of all contacts, or one that merges them."""
-    if job["balance"]["contacts"] == "all":
-        return Solver(comm, prepared.reduced, prepared.options)
-    check_one_process(comm, job)
-    keys = job["mode"]
-    band = keys["near_hz"], keys["near_hz"]
-    if keys["near_hz"] is None:
-        with Solver(comm, prepared.reduced, prepared.options) as solver:
-            stuck = solver.linear_modes("stuck", keys["number"] or 1).natural_hz
-        band = stuck[0], stuck[-1]
-    return PatchedSolver(comm, prepared.reduced, prepared.options, prepared.places, job["balance"]["tolerance"], band)
 
 
 def come_to_rest(solver: Solver, job: Job, load_path: np.ndarray) -> np.ndarray:

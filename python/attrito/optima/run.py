@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.job.varied import is_of_model, with_values
@@ -50,7 +49,6 @@ def run_optimum(comm: Comm, path: str | Optimum) -> str:
     asked = on_root(comm, lambda: read_optimum(path))
     job = on_root(comm, lambda: read_job(asked.job))
     on_root(comm, lambda: asked.check(job))
-    on_root(comm, lambda: take_all_contacts(job, "optimise"))
     with writing_alone(comm, asked.file), contextlib.closing(_Peaks(comm, asked, job, progress)) as peaks:
         found = least(peaks.at, len(asked.parameters), asked.most, asked.tolerance, asked.seed)
         values = peaks.values(found.x)

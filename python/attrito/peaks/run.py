@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from attrito.job.coriolis import asking_key
-from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job, peak_path
 from attrito.library.peak_tracker import Peak, PeakTracker
 from attrito.library.reduced_scene import ReducedScene
@@ -300,7 +299,6 @@ def _missed(job: Job, found: list[Found]) -> str:
 
 
 def _check(job: Job) -> None:
-    take_all_contacts(job, "peak")
     keys = job["peak"]
     faults = [
         job.fault(f"[peak] {name}", "missing", "a value of the parameter to follow the peak from and to")

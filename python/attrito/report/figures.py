@@ -24,7 +24,6 @@ ERROR_LOOKS = {
     "error_harmonics": ("^", BRANCH_COLOURS[2], "of it harmonics"),
     "error_samples": ("v", BRANCH_COLOURS[3], "samples"),
     "error_modes": ("D", BRANCH_COLOURS[5], "modes"),
-    "error_contacts": ("P", BRANCH_COLOURS[4], "patches"),
 }
 KIND_LOOKS = {"floquet": ("o", "#0072B2"), "slip": ("s", "#E69F00"), "stuck": ("^", "#009E73")}
 

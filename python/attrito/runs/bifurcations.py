@@ -36,8 +36,7 @@ class Finder:
 
     def __init__(self, solver: Solver, job: Job, progress: Progress):
         self._solver, self._progress = solver, progress
-        # Of all contacts: patches have other folds, and are refined on the way.
-        self._looks = job["continuation"]["locate"] and job["balance"]["contacts"] == "all"
+        self._looks = job["continuation"]["locate"]
         self._how = METHODS[job["stability"]["method"]], ORBITS[job["stability"]["orbit"]]
         self._points = 0
         self._last: list[Bifurcation] = []

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from attrito.job.reading import retire
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
@@ -211,11 +212,11 @@ def digest(scene: ReducedScene, load_path: np.ndarray) -> str:
 def _check(job_file: str, path: str, now: dict, before: dict) -> None:
     """Only what would go on bit for bit may go on."""
     anew = "; or a run without --resume, which begins anew"
+    own, earlier = (json.loads(one["attributes"]["job"]) for one in (now, before))
+    retire(earlier)
     faults = [
         Fault(job_file, key, value, f"{then}, as {path} began with{anew}")
-        for key, value, then in _differences(
-            json.loads(now["attributes"]["job"]), json.loads(before["attributes"]["job"])
-        )
+        for key, value, then in _differences(own, earlier)
     ]
     for name, what in (("ranks", "ranks"), ("attrito_version", "version of attrito"), ("digest", "model and loads")):
         old = before.get(name, before["attributes"].get(name))

@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.job.fewer_contacts import check_one_process
 from attrito.job.job import Job, rom_path
 from attrito.job.reading import read_job
 from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
-from attrito.patches.solver import PatchedSolver, places_of
 from attrito.results.journal import Record, find_earlier, remove_journal
 from attrito.results.result_file import fill_result
 from attrito.results.stored_point import read_point
@@ -30,7 +28,7 @@ from attrito.runs.recorder import Recorder
 from attrito.runs.sensitivity import Differentiator
 from attrito.runs.slider_rates import LoadPath
 from attrito.runs.stability import Examiner
-from attrito.runs.sweeps import Course, band_hz, beginning
+from attrito.runs.sweeps import Course, beginning
 from attrito.scene import cautions
 from attrito.scene.build import build_scene
 from attrito.scene.friction_margin import friction_margin, warning
@@ -113,7 +111,7 @@ def _solve(
     reduced = on_root(comm, lambda: reduced_scene(job, scene, rom))
     load_path = on_root(comm, lambda: scene.load_path)
     options = on_root(comm, lambda: solver_options(job, rom))
-    with _solver(comm, job, scene, reduced, options) as solver:
+    with Solver(comm, reduced, options) as solver:
         # Of a structure that is held, as the solver has found by now.
         margin = on_root(comm, lambda: friction_margin(reduced))
         warnings += on_root(comm, lambda: cautions.of_damping(reduced))
@@ -160,9 +158,7 @@ class _Run:
     ):
         self._comm, self._job, self._solver, self._reduced = comm, job, solver, reduced
         self._progress, self._stages = progress, stages
-        # Members of a family are of all contacts; of a sector they are waves.
-        bounds = job["static"]["bounds"] if job["balance"]["contacts"] == "all" else "none"
-        self._sampler = Sampler(comm, solver, reduced, options, bounds, stop.interrupted)
+        self._sampler = Sampler(comm, solver, reduced, options, job["static"]["bounds"], stop.interrupted)
         self._examiner = Examiner(comm, solver, job)
         self._longer = LongerPeriods(comm, solver, job, reduced, load_path)
         self._differentiator = differentiator
@@ -259,18 +255,9 @@ class _Run:
             found.append(
                 f"the estimated error of {above} point(s) is above [balance] tolerance ="
                 f" {self._job['balance']['tolerance']:g}; they are in the file with outcome above_tolerance, and"
-                f" /points/error_harmonics, error_samples, error_modes and error_contacts say what causes it"
+                " /points/error_harmonics, error_samples and error_modes say what causes it"
             )
         return found
-
-
-def _solver(comm: Comm, job: Job, scene: Scene | None, reduced: ReducedScene, options: Options) -> Solver:
-    """Of all contacts, or one that merges them."""
-    if job["balance"]["contacts"] == "all":
-        return Solver(comm, reduced, options)
-    check_one_process(comm, job)
-    places = places_of(scene.contacts.tables, scene.contacts.places)
-    return PatchedSolver(comm, reduced, options, places, job["balance"]["tolerance"], band_hz(job))
 
 
 def _start(job: Job, scene: ReducedScene) -> StoredPoint | None:

@@ -25,13 +25,6 @@ def beginning(job: Job, start: StoredPoint | None) -> float:
     return float((sweep["frequencies_hz"] or [sweep["start_hz"]])[0]) if start is None else start.frequency_hz
 
 
-def band_hz(job: Job) -> tuple[float, float]:
-    """The lowest and the highest frequency that a job asks for, Hz."""
-    sweep = job["sweep"]
-    asked = sweep["frequencies_hz"] or [sweep["start_hz"], sweep["stop_hz"]]
-    return float(min(asked)), float(max(asked))
-
-
 class Course:
     """The way through a job.
 

@@ -32,8 +32,9 @@ TO_CHECK = (
 
 
 def of_scene(job: Job, scene: Scene) -> list[str]:
-    """Warnings on the model, where its contacts lie, and what is not examined of them."""
-    found = [*_parallel_rows(job, scene.contacts), *_distant_pairs(job, scene), *_unexamined(job, scene.contacts)]
+    """Warnings on keys without an effect, the model, where its contacts lie, and what is not examined of them."""
+    contacts = scene.contacts
+    found = [*job.notes, *_parallel_rows(job, contacts), *_distant_pairs(job, scene), *_unexamined(job, contacts)]
     resists = resisted_rotation(scene.model)
     return found if resists is None else [resists, *found]
 

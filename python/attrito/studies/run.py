@@ -19,7 +19,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from attrito.job.fewer_contacts import take_all_contacts
 from attrito.job.job import Job
 from attrito.job.reading import read_job
 from attrito.runs.progress import Progress
@@ -50,7 +49,6 @@ def run_study(comm: Comm, path: str | Study) -> str:
     study = on_root(comm, lambda: read_study(path))
     job = on_root(comm, lambda: read_job(study.job, excited=study.is_excited))
     on_root(comm, lambda: study.check(job))
-    on_root(comm, lambda: take_all_contacts(job, "study"))
     with writing_alone(comm, study.file):
         failed = _solve_samples(comm, job, study, progress)
     progress.say(study.file)
