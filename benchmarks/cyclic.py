@@ -32,17 +32,21 @@ from cyclic_scenes import PAIRS, random_sector
 from mpi4py import MPI
 
 from attrito.library.integrator import Integrator, Run
+from attrito.library.kernels import sample_contact
 from attrito.library.names import ENGINES, ORBITS, VERDICTS
 from attrito.library.points import Point, StoredPoint
-from attrito.library.reduced_scene import ReducedScene, Sector
+from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
+from attrito.library.structures import make_law
 from attrito.runs.stability import examine_point, fetch_multipliers
-from attrito.scene.wheel import delayed, wave_in_wheel, whole_wheel
+from attrito.scene.wheel import wave_in_wheel, whole_wheel
 
 WHEELS = (3, 5, 6, 8, 12)
 LEVELS = (0.05, 0.3, 1.0, 4.0)
 # A multiple of N / gcd(N, EO) for all wheels
 SAMPLES = 120
+# Periods until contacts have forgotten where they began
+PASSES = 40
 # A difference that is of another solution, and none of rounding
 SAME_BRANCH = 1e-6
 # How far from the wave a start near it is: the second where the first makes contacts slip that do not
@@ -65,16 +69,18 @@ def sliders_of(solver: Solver) -> np.ndarray:
     return sliders
 
 
-def shifted_sliders(solver: Solver, point: Point, motion: np.ndarray, slider: np.ndarray, sector: Sector) -> np.ndarray:
-    """Sliders of all sectors `[N nc, width]` at the start of the first one's period: what contacts make of the motion.
+def wave_sliders(wheel: ReducedScene, wave: np.ndarray, slider: np.ndarray) -> np.ndarray:
+    """Sliders of all sectors `[N nc, width]` at the start of the first one's period: what contacts make of the wave.
 
-    A contact that sticks keeps its slider, others have it from the motion, which begins later in each sector.
+    A contact that sticks keeps its slider, one of the sector's `[nc, width]`, others have it from the motion.
     """
-    sliders = []
-    for number in range(sector.sectors):
-        solver.evaluate_motion(delayed(motion.T, sector, number).T, slider, point)
-        sliders.append(sliders_of(solver))
-    return np.vstack(sliders)
+    tangents, stiffness = wheel.laws["tangents"], wheel.laws["tangential_stiffness"]
+    rows = np.split(wheel.directions @ wave, np.cumsum(tangents + 1)[:-1])
+    sliders = np.tile(slider, (len(tangents) // len(slider), 1))
+    for i, (count, motion) in enumerate(zip(tangents, rows, strict=True)):
+        u, force = sample_contact(make_law(wheel.laws, i), motion, sliders[i], SAMPLES, PASSES)
+        sliders[i, :count] = u[:count, -1] - force[:count, -1] / stiffness[i]
+    return sliders
 
 
 def difference(one: Point, other: Point) -> float:
@@ -94,10 +100,9 @@ def compare_wave(scene: ReducedScene, by_events: bool, points: int) -> dict[str,
     worst = {"worst_alike": 0.0, "worst_from_wave": 0.0}
     for level in LEVELS:
         wheels = solved(wheel, options, frequencies, level)
-        with Solver(MPI.COMM_SELF, wheel, options) as solver, Solver(MPI.COMM_SELF, scene, options) as contacts:
-            for each in (solver, contacts):
-                each.follow_static_path(np.array([[0.0], [1.0]]), 10, frequencies[0])
-                each.set_excitation(frequencies[-1], frequencies[0], level)
+        with Solver(MPI.COMM_SELF, wheel, options) as solver:
+            solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequencies[0])
+            solver.set_excitation(frequencies[-1], frequencies[0], level)
             for (one, motion, slider), (whole, _, _) in zip(
                 solved(scene, options, frequencies, level), wheels, strict=True
             ):
@@ -109,7 +114,8 @@ def compare_wave(scene: ReducedScene, by_events: bool, points: int) -> dict[str,
                     tally["alike"] += 1
                     worst["worst_alike"] = max(worst["worst_alike"], difference(one, whole))
                     continue
-                wave, sliders = wave_in_wheel(motion, sector), shifted_sliders(contacts, one, motion, slider, sector)
+                wave = wave_in_wheel(motion, sector)
+                sliders = wave_sliders(wheel, wave, slider)
                 away = np.inf
                 for near in NEAR:
                     kick = near * np.abs(motion[:, 1:]).max() * draw.uniform(-1.0, 1.0, wave.shape)

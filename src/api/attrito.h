@@ -43,7 +43,6 @@ typedef struct {
     int choose_harmonics;
     int choose_samples;
     int fewest_samples;
-    int dense_limit;
     int integrate_in_time;
     double tolerance;
     double accepted_error;
@@ -176,10 +175,6 @@ void attrito_backbone_at(void *handle, double amplitude, int branch, attrito_bac
 /* Relative errors of the last point by harmonics and by samples, of frequency, negative damping or monitors, whichever is the
  * largest; NaN where they are not known. */
 void attrito_mode_errors(void *handle, double *harmonics, double *samples);
-
-/* What a force on the coordinates [coefficients, m] would change of the last point's angular frequency and negative damping, to
- * first order; 0, or not: a linear system is singular. */
-int attrito_change_mode_by_force(void *handle, int coefficients, const double *force, double *change);
 
 typedef struct {
     int kind;
@@ -363,22 +358,6 @@ int attrito_describe_member(void *handle, double *force, double *monitors, doubl
 
 /* Change of the member described last with component `tangent` (from 0) of -k_t w of a contact (from 0); 0, or not: singular. */
 int attrito_differentiate_member(void *handle, int contact, int tangent, double *force, double *monitors);
-
-/* Be at a static state that is known: displacements of the coordinates [m], sliders [contacts, width]; static loads act in full. */
-int attrito_take_static_state(void *handle, const double *displacements, const double *slider, double omega,
-    attrito_point *point, char *message, int length);
-
-/* Evaluate all contacts at a motion of the coordinates [m, coefficients], with so many samples, from sliders [contacts, width]; the
- * session's point is this motion, solved for or not. */
-void attrito_evaluate_motion(void *handle, int coefficients, int samples, const double *coordinates,
-    const double *slider, double omega, double level, int branch, attrito_point *point);
-
-/* The relative change of the monitors' amplitudes, to first order, by a force on the coordinates [coefficients, m] at the present
- * point; 0, or not: the linearised step is singular. */
-int attrito_change_by_force(void *handle, int coefficients, const double *force, double *change);
-
-/* Length of the sweep's next step; another, if that is greater than zero. */
-double attrito_step_size(void *handle, double size);
 
 typedef struct {
     attrito_point point;

@@ -7,7 +7,7 @@ module attrito_api_backbone
   use attrito_output_point_report, only: report_point
   use attrito_peak_backbone, only: begin_mode, go_to, prepare_mode
   use attrito_peak_condition, only: problem_type
-  use attrito_peak_mode_error, only: change_mode_by_force, estimate_mode_errors
+  use attrito_peak_mode_error, only: estimate_mode_errors
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
   implicit none
@@ -113,27 +113,6 @@ contains
     harmonics = errors%harmonics
     samples = errors%samples
   end subroutine attrito_mode_errors
-
-  !> What a force on the coordinates [coefficients, m] would change of the last point's angular frequency and negative damping, to
-  !> first order; 0, or not: a linear system is singular.
-  integer(c_int) function attrito_change_mode_by_force(handle, coefficients, force, change) bind(c)
-    !> Session, see `session_of`
-    type(c_ptr), value :: handle
-    !> Coefficients of each row, 2 H + 1: those of the present point
-    integer(c_int), value :: coefficients
-    !> Fourier coefficients on the model's coordinates
-    real(c_double), intent(in) :: force(*)
-    !> Of omega, rad/s, and xi, rad/s
-    real(c_double), intent(out) :: change(2)
-    type(session_type), pointer :: session
-    integer :: m, status
-
-    session => session_of(handle)
-    m = size(session%structure%mass, 1)
-    call change_mode_by_force(session%solver, session%backbone, reshape(force(:m*coefficients), [m, int(coefficients)]), change, &
-                              status)
-    attrito_change_mode_by_force = status
-  end function attrito_change_mode_by_force
 
   subroutine describe(session, branch, backbone)
     !> Session behind a handle

@@ -35,8 +35,8 @@ module attrito_api_solver
     integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events, choose_harmonics, choose_samples
     !> Where they are chosen
     integer(c_int) :: fewest_samples
-    !> Unknowns up to which linear steps are solved by elimination; may starts come from integration in time?
-    integer(c_int) :: dense_limit, integrate_in_time
+    !> May starts come from integration in time?
+    integer(c_int) :: integrate_in_time
     !> `accepted_error`: 0 where none is promised; `curve_tolerance`: error of the drawn curve, part of the largest amplitude
     real(c_double) :: tolerance, accepted_error, mode_error, curve_tolerance
   end type options_type
@@ -197,7 +197,6 @@ contains
     session%accuracy%errors%modes = options%mode_error
     session%curve_tolerance = options%curve_tolerance
     if (allocated(error)) return
-    session%solver%context%linear%dense_limit = options%dense_limit
     ! A sector is coupled to its own motion at another time: no march follows it.
     if (options%integrate_in_time == 0 .or. allocated(session%structure%sector)) return
     if (size(session%contacts%directions, 2) > most_rows_in_time) return

@@ -7,15 +7,12 @@
 !> takes it back; the motion goes with it. The error is the largest of |delta omega|/omega, |delta xi|/xi and what the monitors change
 !> by, of a first step and of the second that checks it. Where the structure's damping feeds the mode xi may vanish, but not the
 !> contacts' part of it: |delta xi| is measured against the larger of both.
-!>
-!> A small force beside the loads changes a mode likewise: it moves the motion at omega and xi held, and the same step takes c back.
 module attrito_peak_mode_error
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
   use attrito_accuracy_amplitude_change, only: relative_change
   use attrito_accuracy_error_estimate, only: error_estimate_type, own_monitors
   use attrito_accuracy_finer_balance, only: finer_point_type
-  use attrito_accuracy_force_change, only: respond_to_force
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_accuracy_second_step, only: second_step_type
   use attrito_solve_solver, only: solver_type
@@ -23,7 +20,7 @@ module attrito_peak_mode_error
   use attrito_peak_condition, only: direction_type
   implicit none
   private
-  public :: estimate_mode_errors, change_mode_by_force
+  public :: estimate_mode_errors
 
   !> Damping ratios below this are measured against it: what hardly dissipates has no relative error
   real(wp), parameter :: least_damping = 1.0e-6_wp ! conventional
@@ -63,30 +60,6 @@ contains
     errors%samples = first%samples_share*error
     errors%harmonics = error - errors%samples
   end subroutine estimate_mode_errors
-
-  !> What a small force beside the loads would change of omega and xi at the mode's amplitude, to first order; as the residual of a
-  !> better model gives the mode's error.
-  subroutine change_mode_by_force(solver, backbone, force, change, status)
-    !> Solver of points, at the mode's last one
-    type(solver_type), intent(inout) :: solver
-    !> The mode
-    type(backbone_type), intent(in) :: backbone
-    !> Fourier coefficients on the model's coordinates [m, 2 H + 1]
-    real(wp), intent(in) :: force(:, :)
-    !> Of omega and xi
-    real(wp), intent(out) :: change(2)
-    !> 0, or not: a linear system is singular
-    integer, intent(out) :: status
-    type(direction_type) :: ways(2*size(backbone%modes))
-    complex(wp), allocatable :: response(:, :)
-    real(wp) :: of_all(2*size(backbone%modes))
-
-    change = 0.0_wp
-    call respond_to_force(solver, force, response, status)
-    if (status /= 0) return
-    call backbone%find_changes(solver, backbone%missing_in(response), ways, of_all, status)
-    if (status == 0) change = of_all(:2)
-  end subroutine change_mode_by_force
 
   !> The largest relative change of omega, xi and the monitors where a finer balance responds like this; NaN where it is not known.
   real(wp) function change_of_mode(solver, backbone, response) result(error)

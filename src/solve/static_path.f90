@@ -14,7 +14,7 @@ module attrito_solve_static_path
   use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
   implicit none
   private
-  public :: follow_static_path, take_static_state, load_homotopy_type
+  public :: follow_static_path, load_homotopy_type
 
   !> From one set of factors on the static loads to another, at one angular frequency
   type, extends(homotopy_type) :: load_homotopy_type
@@ -92,40 +92,6 @@ contains
     end do
     call keep_static_state(solver)
   end subroutine follow_corners
-
-  !> Take a static state that is known, but for rounding, under full static loads: it is solved for from there, without a path.
-  subroutine take_static_state(solver, displacements, slider, omega, error)
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Of the model's coordinates [m]; sliders of this rank's contacts [width, contacts]
-    real(wp), intent(in) :: displacements(:), slider(:, :)
-    !> Angular frequency, which matters to nothing but the scales
-    real(wp), intent(in) :: omega
-    !> Allocated: what has failed
-    type(error_type), allocatable, intent(out) :: error
-    real(wp) :: coordinates(1, size(displacements))
-    logical :: reset_slider
-
-    coordinates(1, :) = displacements
-    solver%evidence = evidence_type()
-    call solver%set_slider(slider)
-    if (allocated(solver%context%balance%frozen_mean)) deallocate (solver%context%balance%frozen_mean)
-    call solver%set_loads(spread(1.0_wp, 1, size(solver%structure%static_loads, 2)), 0.0_wp)
-    solver%motion = 0.0_wp
-    associate (balance => solver%context%balance)
-      solver%motion(1:1, :) = solver%contacts%relative_motion(coordinates, balance%first_row, balance%rows())
-    end associate
-    call solver%set_scales(omega, omega)
-    reset_slider = solver%options%reset_slider
-    solver%options%reset_slider = .false.
-    call solver%solve_at(omega)
-    solver%options%reset_slider = reset_slider
-    if (.not. solver%report%converged) then
-      call raise(error, 'static state: no equilibrium found beside the one that was given')
-      return
-    end if
-    call keep_static_state(solver)
-  end subroutine take_static_state
 
   !> Sliders, closed contacts and frozen mean of the static solution that the solver is at.
   subroutine keep_static_state(solver)

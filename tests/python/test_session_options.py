@@ -1,9 +1,8 @@
-"""Options of a session that no job has: how linear steps are solved, and where starts may come from."""
+"""An option of a session that no job has: where starts may come from."""
 
 from __future__ import annotations
 
 import numpy as np
-import pytest
 from mpi4py import MPI
 
 from attrito.library.points import Point
@@ -20,14 +19,6 @@ def solved(strategy: str, **options: float) -> Point:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, FREQUENCY)
         solver.set_excitation(FREQUENCY, FREQUENCY, 1.0)
         return solver.solve_by_strategy(strategy, FREQUENCY)
-
-
-def test_linear_steps_of_more_unknowns_than_the_limit_are_solved_by_gmres_and_lead_to_the_same_point():
-    eliminated, iterated = solved("time_integration"), solved("time_integration", dense_limit=0)
-    assert eliminated.is_solved and iterated.is_solved
-    assert eliminated.linear_iterations == 0 < iterated.linear_iterations
-    # Both are solved to 1e-10 of the motion, whose condition is below 1e3.
-    assert iterated.amplitude == pytest.approx(eliminated.amplitude, rel=1e-7)
 
 
 def test_starts_come_from_integration_in_time_only_where_that_is_allowed():

@@ -32,9 +32,8 @@ class Options:
     `accepted_error`: relative error of the amplitude beyond which a point is `above_tolerance`; 0: not checked. With
     `choose_harmonics` and `choose_samples` the numbers given are those to begin with, `accepted_error` is what they are
     chosen by, and there are at least `fewest_samples`. `mode_error`: the reduced model's own share of the error.
-    `curve_tolerance`: error of the curve drawn through a sweep's points, part of the largest amplitude. `dense_limit`:
-    unknowns up to which linear steps are solved by elimination, beyond by GMRES. `integrate_in_time`: may points that
-    are found from no other start be sought from motion integrated in time?
+    `curve_tolerance`: error of the curve drawn through a sweep's points, part of the largest amplitude.
+    `integrate_in_time`: may points that are found from no other start be sought from motion integrated in time?
     """
 
     harmonics: int = 5
@@ -47,7 +46,6 @@ class Options:
     choose_harmonics: bool = False
     choose_samples: bool = False
     fewest_samples: int = 32
-    dense_limit: int = 400
     integrate_in_time: bool = True
     tolerance: float = 1e-10
     accepted_error: float = 0.0
@@ -153,47 +151,6 @@ class Solver:
         self.static_work, self.static_states = raw.work, tuple(raw.states)
         return self._monitors(raw.harmonic_count)[0][:, 0]
 
-    def take_static_state(self, displacements: np.ndarray, slider: np.ndarray, frequency_hz: float) -> None:
-        """Be at a static state that is known, `[m]` and `[nc, width]`, instead of following a path to it.
-
-        All static loads act in full.
-        """
-        raw = RawPoint()
-        state = (pointer(np.ascontiguousarray(values, dtype=float)) for values in (displacements, slider))
-        self._call("attrito_take_static_state", *state, omega(frequency_hz), ctypes.byref(raw))
-
-    def evaluate_motion(self, coordinates: np.ndarray, slider: np.ndarray, like: Point) -> Point:
-        """Evaluate all contacts at a motion `[m, 2 H + 1]` that is not solved for; it is then the solver's point.
-
-        Parameters
-        ----------
-        coordinates, slider : the motion, and sliders to start from `[nc, width]`
-        like : whose frequency, level, branch and samples
-        """
-        raw = RawPoint()
-        self._library.attrito_evaluate_motion(
-            self._handle,
-            coordinates.shape[1],
-            like.samples,
-            pointer(np.ascontiguousarray(coordinates, dtype=float)),
-            pointer(np.ascontiguousarray(slider, dtype=float)),
-            omega(like.frequency_hz),
-            like.level,
-            like.branch,
-            ctypes.byref(raw),
-        )
-        return self.point_of(raw)
-
-    def change_by_force(self, force: np.ndarray) -> float:
-        """Relative change of the monitors' amplitudes at the present point by a force `[m, 2 H + 1]`, to first order.
-
-        NaN where the linearised step is singular.
-        """
-        change = np.zeros(1)
-        rows = np.ascontiguousarray(force.T, dtype=float)
-        status = self._library.attrito_change_by_force(self._handle, len(rows), pointer(rows), pointer(change))
-        return float(change[0]) if status == 0 else math.nan
-
     def sweep(
         self,
         start_hz: float,
@@ -244,11 +201,6 @@ class Solver:
     def slider_width(self) -> int:
         """How many numbers the sliders of a contact take."""
         return slider_width(self._scene.laws)
-
-    def step_size(self, size: float = 0.0) -> float:
-        """The length of a sweep's next step, in the sweep's own scale; another, if one is given."""
-        length: float = self._library.attrito_step_size(self._handle, size)
-        return length
 
     def start_from(self, point: StoredPoint, level: float) -> bool:
         """Solve at a point of a result, from its motion; it is then the solver's point."""

@@ -86,14 +86,6 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_seek": (c_int, (HANDLE, c_int, c_double, c_double)),
     "attrito_begin_branch": (None, (HANDLE, c_double, c_double, c_int, c_int, c_int)),
     "attrito_start_from_motion": (c_int, (HANDLE, c_int, Doubles, Doubles, c_double, c_double)),
-    # Patches of contacts
-    "attrito_take_static_state": (c_int, (HANDLE, Doubles, Doubles, c_double, POINTER(RawPoint), *MESSAGE)),
-    "attrito_evaluate_motion": (
-        None,
-        (HANDLE, c_int, c_int, Doubles, Doubles, c_double, c_double, c_int, POINTER(RawPoint)),
-    ),
-    "attrito_step_size": (c_double, (HANDLE, c_double)),
-    "attrito_change_by_force": (c_int, (HANDLE, c_int, Doubles, Doubles)),
     # Members of a family
     "attrito_enter_family": (None, (HANDLE,)),
     "attrito_leave_family": (None, (HANDLE,)),
@@ -140,7 +132,6 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_prepare_mode": (None, (HANDLE, c_int, Doubles, Doubles, c_double)),
     "attrito_backbone_at": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
     "attrito_mode_errors": (None, (HANDLE, Doubles, Doubles)),
-    "attrito_change_mode_by_force": (c_int, (HANDLE, c_int, Doubles, Doubles)),
     "attrito_begin_quasi_static": (None, (HANDLE, Doubles, c_double)),
     "attrito_quasi_static_at": (None, (HANDLE, c_double, c_int, c_int, c_int, POINTER(RawQuasiStatic))),
     "attrito_try_quasi_static": (None, (HANDLE, c_double, c_int, c_int, Doubles, Integers, Integers)),

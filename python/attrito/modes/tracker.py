@@ -84,16 +84,6 @@ class ModeTracker:
             point, amplitude, raw.kinetic, raw.structural_ratio, drive, iterations, *errors.tolist(), folded=folded
         )
 
-    def change_by_force(self, force: np.ndarray) -> np.ndarray:
-        """What a force `[m, nk]` would change of the last point's omega and xi, to first order, both in rad/s `[2]`.
-
-        NaN where a linear system is singular.
-        """
-        change = np.zeros(2)
-        rows = np.ascontiguousarray(force.T, dtype=float)
-        status = self._solver.call("attrito_change_mode_by_force", len(rows), pointer(rows), pointer(change))
-        return change if status == 0 else np.full(2, np.nan)
-
     def _solve(self, amplitude: float) -> RawBackbone:
         """At the coordinate at which the amplitude is expected: on the line through what is known, in logarithms."""
         raw = RawBackbone()
