@@ -3,6 +3,10 @@
 !> Harmonics left out fade as those do that are there, so the tail of the motion says how many more, or fewer, are needed for the
 !> estimated error (`attrito_accuracy_error_estimate`). Where the estimate is not sure, a longer series is solved, and the estimate is
 !> the change of the point. So it goes on until two series agree.
+!>
+!> Along a branch harmonics and samples stay. A change moves the branch by about its error, which may be more than a step does: the
+!> point is solved again in its own plane first, and the tangent found there. More are taken when a point asks for them, fewer when
+!> several points in a row ask for less than half.
 module attrito_accuracy_error_control
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
@@ -10,6 +14,7 @@ module attrito_accuracy_error_control
   use attrito_core_trigonometric, only: resized
   use attrito_newton_border, only: constraint_type
   use attrito_newton_newton, only: newton_report_type
+  use attrito_balance_set_aside, only: evaluation_type, set_aside, take_up
   use attrito_accuracy_amplitude_change, only: relative_change
   use attrito_accuracy_error_estimate, only: error_estimate_type, any_sampled, harmonics_share, own_monitors, short_series
   use attrito_accuracy_finer_balance, only: finer_point_type
@@ -37,6 +42,8 @@ module attrito_accuracy_error_control
   integer, parameter :: most_growth = 2 ! guess
   !> Longer series are long: Newton's method costs much there, and from far away it is given up early
   integer, parameter :: long_series = 20 ! guess
+  !> Points of a branch in a row that ask for less than half before harmonics or samples fall
+  integer, parameter :: patience = 5 ! guess
 
   !> Part of the frequency by which a finer series moves a point at most: beyond, it is another
   real(wp), parameter :: farthest = 0.2_wp ! guess
@@ -53,6 +60,8 @@ module attrito_accuracy_error_control
     type(error_estimate_type), private :: estimator
     !> For the point that comes next
     integer, private :: next_harmonics = 0, next_samples = 0
+    !> Points of a branch in a row that ask for less than half; the most harmonics and samples that these ask for
+    integer, private :: modest = 0, most_asked(2) = 0
   contains
     procedure :: estimate
     procedure :: advance
@@ -86,6 +95,9 @@ contains
     call store%keep(self%errors%samples)
     call store%keep(self%next_harmonics)
     call store%keep(self%next_samples)
+    call store%keep(self%modest)
+    call store%keep(self%most_asked(1))
+    call store%keep(self%most_asked(2))
   end subroutine keep
 
   !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.
@@ -95,17 +107,67 @@ contains
     type(sweep_type), intent(inout) :: sweep
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-
     integer :: resolution(2)
 
-    call take_resolution_chosen(self, solver)
-    call sweep%set_harmonics(solver%options%harmonics)
-    call sweep%advance(solver)
     resolution = [solver%options%harmonics, solver%options%samples]
+    call sweep%advance(solver)
     call refine(self, solver)
+    call coarsen(self, solver)
     call sweep%set_harmonics(solver%options%harmonics)
     if (any(resolution /= [solver%options%harmonics, solver%options%samples])) call sweep%look_here(solver)
   end subroutine advance
+
+  !> Once several points in a row ask for less than half, solve the last of them again on that, in its own plane; back to what it was
+  !> if its error then is not accepted.
+  subroutine coarsen(self, solver)
+    class(error_control_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    type(snapshot_type) :: here
+    type(evaluation_type) :: evaluation
+    type(newton_report_type) :: report
+    type(point_errors_type) :: errors
+    type(finer_point_type) :: point
+    integer :: now(2), wanted(2), iterations
+    logical :: accepted_too
+
+    ! A linear response asks for nothing, and says nothing of what follows.
+    if (solver%all_stick) return
+    now = [solver%options%harmonics, solver%options%samples]
+    wanted = [self%next_harmonics, self%next_samples]
+    if (.not. solver%report%converged .or. self%next_harmonics <= 0 .or. all(2*wanted > now)) then
+      self%modest = 0
+      self%most_asked = 0
+      return
+    end if
+    self%modest = self%modest + 1
+    self%most_asked = max(self%most_asked, wanted)
+    if (self%modest < patience) return
+    wanted = merge(self%most_asked, now, 2*self%most_asked <= now)
+    wanted(2) = min(max(wanted(2), 6*wanted(1) + 2), now(2))
+    self%modest = 0
+    self%most_asked = 0
+    if (all(wanted == now)) return
+    here = snapshot_of(solver)
+    report = solver%report
+    errors = self%errors
+    iterations = report%iterations
+    call set_aside(solver%context%balance, evaluation)
+    point%motion = solver%motion
+    call solve_finer(solver, point, wanted(1), wanted(2), .true., iterations, accepted_too)
+    if (accepted_too) then
+      call self%estimate(solver, .true., point)
+      accepted_too = self%errors%are_known() .and. accepted(self) .and. self%estimator%is_sure
+    end if
+    if (.not. accepted_too) then
+      call solver%set_resolution(now(1), now(2))
+      call restore(solver, here)
+      call take_up(solver%context%balance, evaluation)
+      solver%report = report
+      self%errors = errors
+    end if
+    solver%report%iterations = iterations
+  end subroutine coarsen
 
   !> The same at one angular frequency.
   subroutine solve_at(self, solver, omega)
@@ -148,7 +210,7 @@ contains
         call solver%set_resolution(lengths(i), max(self%fewest_samples, 6*lengths(i) + 2))
         solver%evidence = previous
       end if
-      call solve_by_strategies(solver, omega, is_long=lengths(i) > long_series)
+      call solve_by_strategies(solver, omega, at_little_cost=lengths(i) > long_series)
       iterations = iterations + solver%report%iterations
       if (solver%report%converged .or. solver%evidence%no_periodic_solution) exit
     end do

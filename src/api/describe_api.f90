@@ -138,7 +138,7 @@ contains
     text = ''
     do i = 1, size(table)
       text = text//'row strategies '//trim(table(i)%name)//' | '//trim(table(i)%path)//' | '//trim(table(i)%condition)//' | '// &
-             trim(table(i)%cost)//' | '//trim(merge('yes', 'no ', table(i)%on_long_series))//end_of_line
+             trim(table(i)%cost)//' | '//trim(merge('yes', 'no ', table(i)%costs_little))//end_of_line
     end do
   end function rows_of_strategies
 

@@ -11,17 +11,24 @@ module attrito_continuation_arc_error
   use attrito_continuation_step, only: step_type
   implicit none
   private
-  public :: error_of_arc
+  public :: arc_error_type, error_of_arc
 
   !> Parts of an arc at which it is held against the branch: a contact that begins to slip or to open may leave the middle as it is
   real(wp), parameter :: looked_at(2) = [1.0_wp/3.0_wp, 2.0_wp/3.0_wp] ! guess
   !> Distance of a point of the branch from the arc, relative to the motion, beyond which the ends are not of one branch
   real(wp), parameter :: most_off = 0.5_wp ! guess
 
+  type :: arc_error_type
+    !> Distance of the drawn arc from the branch, part of the largest amplitudes
+    real(wp) :: distance = 0.0_wp
+    !> Distance of the branch's motion from the arc's, relative to what is another branch's
+    real(wp) :: off = 0.0_wp
+  end type arc_error_type
+
 contains
 
-  !> Distance of the drawn arc that ends at a point from the branch, part of the largest amplitudes.
-  real(wp) function error_of_arc(solver, step, arc, largest, enough) result(error)
+  !> How far the drawn arc that ends at a point is from the branch.
+  type(arc_error_type) function error_of_arc(solver, step, arc, largest, enough) result(error)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Step along the branch, whose arc is known
@@ -39,19 +46,20 @@ contains
     real(wp), allocatable :: omega(:)
     integer :: i, status
 
-    error = 0.0_wp
     if (step%from%all_stick .and. step%to%all_stick) then
       omega = [(arc%from%omega + real(i, wp)/parts*(arc%to%omega - arc%from%omega), i=1, parts - 1), &
                resonances_between(solver, arc%from%omega, arc%to%omega)]
       do i = 1, min(size(omega), parts - 1 + most_resonances)
         call stuck_point(solver, omega(i), between, status)
-        if (status == 0) error = max(error, arc%distance_of(between, max(largest, between%amplitude)))
+        if (status == 0) error%distance = max(error%distance, arc%distance_of(between, max(largest, between%amplitude)))
       end do
     else
       do i = 1, size(looked_at)
         call estimate_between(solver, step, looked_at(i), enough, between, off, status)
-        if (status == 0) error = max(error, arc%distance_of(between, max(largest, between%amplitude)), off/most_off*enough)
-        if (error > enough) exit
+        if (status /= 0) cycle
+        error%distance = max(error%distance, arc%distance_of(between, max(largest, between%amplitude)))
+        error%off = max(error%off, off/most_off)
+        if (error%distance > enough .or. error%off > 1.0_wp) exit
       end do
     end if
   end function error_of_arc

@@ -26,7 +26,7 @@ module attrito_continuation_branch_seeds
 
 contains
 
-  !> From rest in the present mean position, with the sliders of the static solution.
+  !> From rest at the static solution.
   subroutine start_cold(solver, omega, found)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -35,9 +35,7 @@ contains
     !> Is there such a point?
     logical, intent(out) :: found
 
-    solver%motion(2:, :) = 0.0_wp
-    solver%all_stick = .false.
-    call solver%set_slider(solver%static_slider)
+    call solver%rest()
     solver%evidence = evidence_type()
     call solve_by_strategies(solver, omega)
     found = solver%report%converged

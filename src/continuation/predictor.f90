@@ -149,7 +149,7 @@ contains
           return
         end if
       end if
-      prediction%constraint%motion = tangent%motion/context%motion_scale
+      prediction%constraint%motion = tangent%across()/context%motion_scale
       prediction%constraint%frequency = tangent%omega/context%frequency_scale
       prediction%constraint%value = inner_product(context%balance, prediction%constraint%motion, prediction%motion) &
                                     + prediction%constraint%frequency*prediction%omega

@@ -2,12 +2,13 @@
 !>
 !> $$ p = (x - x_a)/\|x - x_a\|, \qquad x = (d/d_s, \, \omega/\omega_s) $$
 !>
-!> A step that makes nearly a straight angle with the one before runs back along the branch.
+!> A step that makes nearly a straight angle with the one before, means left out, runs back along the branch.
 module attrito_continuation_secant
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
   use attrito_newton_border, only: inner_product
+  use attrito_solve_rigid_drift, only: mean_share
   use attrito_solve_snapshot, only: snapshot_type
   use attrito_solve_solver, only: solver_type
   implicit none
@@ -65,13 +66,20 @@ contains
     type(solver_type), intent(in) :: solver
     !> Motion, sliders and frequency at the beginning of the step
     type(snapshot_type), intent(in) :: before
-    real(wp), allocatable :: motion(:, :)
-    real(wp) :: omega, length
+    real(wp), allocatable :: motion(:, :), last(:, :)
+    real(wp) :: omega, length, lengths(2)
 
     is_opposed = .false.
     if (.not. self%is_known()) return
     call difference(solver, before, motion, omega, length)
-    is_opposed = inner_product(solver%context%balance, motion, self%motion) + omega*self%omega < turned_back*length
+    last = self%motion
+    motion(1, :) = 0.0_wp
+    last(1, :) = 0.0_wp
+    associate (balance => solver%context%balance)
+      lengths = [hypot(balance%norm(motion), omega), hypot(balance%norm(last), self%omega)]
+      if (any(lengths <= mean_share*[length, 1.0_wp])) return
+      is_opposed = inner_product(balance, motion, last) + omega*self%omega < turned_back*product(lengths)
+    end associate
   end function is_opposed
 
   !> The solver's present point less a snapshot, scaled, and how long that is.

@@ -12,14 +12,15 @@ module attrito_continuation_stepper
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_newton_border, only: inner_product
   use attrito_solve_rigid_drift, only: moves_mean_alone, mean_share, branch_steps_in_a_row
   use attrito_solve_sliders, only: none_holds
   use attrito_solve_snapshot, only: snapshot_type, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_arc, only: arc_type
-  use attrito_continuation_arc_error, only: error_of_arc
+  use attrito_continuation_arc_error, only: arc_error_type, error_of_arc
+  use attrito_continuation_arrival, only: arrival_type, is_worth_keeping
+  use attrito_continuation_correction, only: correct
   use attrito_continuation_curve_point, only: curve_point_type
   use attrito_continuation_predictor, only: predictor_type, prediction_type, middle_of
   use attrito_continuation_secant, only: secant_type
@@ -64,6 +65,8 @@ module attrito_continuation_stepper
     type(secant_type), private :: secant
     !> Steps in a row in which hardly more than mean positions changed
     integer, private :: drifting = 0
+    !> Of the step that was examined last: distance of the branch from the arc, relative to what is another branch's
+    real(wp), private :: off = 0.0_wp
   contains
     procedure :: begin
     procedure :: look_here
@@ -189,6 +192,7 @@ contains
     type(tangent_type) :: tangent
     type(curve_point_type) :: point
     type(tries_type) :: tries
+    type(arrival_type) :: kept
     real(wp) :: distance, part
 
     iterations = 0
@@ -199,30 +203,41 @@ contains
         self%size = limited_in_frequency(self%size, self%tangent%reach()*abs(self%tangent%omega), self%tolerance)
         call self%predictor%predict(solver, self%tangent, self%size, tries%by_arc, prediction)
       end if
-      call correct(self, solver, prediction, tries%failures < most_brief, distance)
+      call correct(solver, prediction, self%size*self%tangent%reach()*solver%context%motion_scale*self%tangent%slider, &
+                   tries%failures < most_brief, distance)
       deallocate (prediction%motion)
       iterations = iterations + solver%report%iterations
       accepted = solver%report%converged .and. (is_near(distance) .or. self%size <= smallest_step)
       if (accepted) accepted = .not. self%secant%is_opposed(solver, before)
       if (accepted) then
         call self%examine_step(solver, before, tangent, point, error)
+        if (.not. kept%is_beaten(error)) exit
         part = part_to_solve(self, point, error, tries)
         if (part < 0.0_wp) then
           error = with_effort(error, iterations, distance)
           call self%accept_step(solver, before, tangent, point)
           return
         end if
+        if (is_worth_keeping(error, self%off)) call kept%take(solver, self%last, tangent, point, error)
         call self%predictor%put_ahead(solver)
         prediction = middle_of(solver, self%last, part)
         ! Not longer than this try: where the branch ends, short steps may lead far away, again and again.
         self%size = max(min(part*self%last%length, self%size), smallest_step)
         call restore(solver, before)
       else
+        if (kept%is_next(tries%failures)) exit
         call shorten(self, solver%report%converged .and. is_near(distance), tries)
         call restore(solver, before)
+        if (self%size < given_up .and. kept%is_known) exit
         if (self%size < given_up) return
       end if
     end do
+    call kept%return_to(solver)
+    self%last = kept%step
+    error = with_effort(kept%error, iterations, 0.0_wp)
+    accepted = .true.
+    call self%predictor%drop_ahead()
+    call self%accept_step(solver, before, kept%tangent, kept%point)
   end subroutine take_step
 
   !> Part of the arc of a step at which a point is solved before its end is accepted: its middle, where the drawn curve errs too much,
@@ -268,32 +283,6 @@ contains
     self%size = 0.5_wp*self%size
   end subroutine shorten
 
-  !> Solve where a point is expected. `distance`: how far the corrector moved, relative to the response.
-  subroutine correct(self, solver, prediction, early_stop, distance)
-    type(stepper_type), intent(in) :: self
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Where the point is expected
-    type(prediction_type), intent(in) :: prediction
-    !> Give up after a few iterations of Newton's method
-    logical, intent(in) :: early_stop
-    !> Distance from prediction to correction, relative to the response
-    real(wp), intent(out) :: distance
-    real(wp), allocatable :: moved(:, :)
-
-    associate (context => solver%context, balance => solver%context%balance)
-      solver%motion = prediction%motion
-      solver%omega = prediction%omega
-      balance%slider = balance%slider + self%size*self%tangent%reach()*context%motion_scale*self%tangent%slider
-      call solver%solve_with(prediction%constraint, early_stop)
-      ! The mean may jump from point to point as sliders shake down, however small the step: it does not control the step.
-      moved = solver%motion - prediction%motion
-      moved(1, :) = 0.0_wp
-      distance = sqrt(inner_product(balance, moved, moved)/size_of_response(solver) &
-                      + ((solver%omega - prediction%omega)/context%frequency_scale)**2)
-    end associate
-  end subroutine correct
-
   !> What a step to the solver's present point leads to, `last` being this step afterwards: tangent, point of the drawn curve, and its
   !> error, relative to what is accepted.
   subroutine examine_step(self, solver, before, tangent, point, error)
@@ -309,9 +298,11 @@ contains
     !> Of the drawn curve, relative to what is accepted
     real(wp), intent(out) :: error
     type(tangent_type) :: towards
+    type(arc_error_type) :: found
     integer :: status
 
     error = 0.0_wp
+    self%off = 0.0_wp
     call self%last%take(before, solver, self%tangent)
     towards = self%last%chord(solver)
     if (towards%share < mean_share) towards = self%tangent
@@ -319,8 +310,10 @@ contains
     if (status /= 0) return
     call self%last%draw(solver, self%tangent, tangent)
     if (self%last%length <= 0.0_wp .or. .not. self%here%is_known()) return
-    error = elsewhere*error_of_arc(solver, self%last, arc_type(self%here, point, self%last%length), &
-                                   max(self%largest, point%amplitude), self%tolerance)/self%tolerance
+    found = error_of_arc(solver, self%last, arc_type(self%here, point, self%last%length), max(self%largest, point%amplitude), &
+                         self%tolerance)
+    error = elsewhere*max(found%distance/self%tolerance, found%off)
+    self%off = found%off
   end subroutine examine_step
 
   !> Part of the step just examined at which an amplitude has a peak or the frequency turns that neither end shows, or the frequency
@@ -369,21 +362,13 @@ contains
     self%looked_ahead = .false.
     self%turned = .false.
     call self%predictor%take_arc(self%last)
+    ! A linear response is followed in frequency, past any point that was solved ahead.
+    if (solver%all_stick) call self%predictor%drop_ahead()
     self%path_before = self%path
     self%path = self%path + self%last%length
     self%here = point
     if (point%is_known()) call stand_at(self, tangent, point)
   end subroutine accept_step
-
-  !> Squared norm of the harmonics of the motion.
-  real(wp) function size_of_response(solver)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-
-    size_of_response = sum(solver%motion(2:, :)**2)
-    call solver%context%balance%ranks%sum(size_of_response)
-    size_of_response = max(size_of_response, tiny(1.0_wp))
-  end function size_of_response
 
   !> Keep a step made in frequency alone.
   subroutine remember_in_frequency(self, solver, before)
@@ -434,6 +419,7 @@ contains
     if (.not. self%secant%is_known()) return
     towards%motion = -self%secant%motion
     towards%omega = -self%secant%omega
+    towards%share = share_of_harmonics(solver, towards%motion, towards%omega)
   end function tangent_backwards
 
   !> Resize stored vectors to so many coefficients.

@@ -1,28 +1,34 @@
 !> A sweep over frequency along branches of solutions, which may fold: from a start to a stop, point by point.
 !>
-!> Where no step along the branch converges, where it ends, closes upon itself or runs back over the start, the sweep looks for a
-!> point beyond the frequencies that it has reached. A sweep that follows a single branch ends there.
+!> If no step along the branch converges, if the branch ends, closes upon itself or runs back over the start, the sweep looks for
+!> another one from the static solution, at frequencies beyond those that it has reached, farther and farther away, and only at its
+!> stop at any cost. What it finds is followed back to where it ends, in silence, and from there on point by point, as a branch with a number of its own. A sweep that
+!> follows a single branch ends with it.
 module attrito_continuation_sweep
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
+  use attrito_core_trigonometric, only: resized
   use attrito_newton_newton, only: newton_report_type
   use attrito_continuation_closed_branch, only: closes_on_itself
   use attrito_continuation_stored_points, only: stored_points_type
   use attrito_solve_strategies, only: solve_by_strategies
-  use attrito_solve_snapshot, only: snapshot_type
+  use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_continuation_range, only: range_type
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
   use attrito_continuation_step_length, only: smallest_step
   use attrito_continuation_stepper, only: stepper_type
   use attrito_continuation_stuck_branch, only: follow_stuck
-  use attrito_continuation_tangent, only: tangent_type
+  use attrito_continuation_tangent, only: tangent_type, frequency_tangent
   implicit none
   private
   public :: sweep_type, new_sweep, new_branch_sweep
 
-  !> Part of the range to go on by where the branch was lost
+  !> Part of the range to go on by once the branch is lost; twice as much after each frequency at which nothing is found
   real(wp), parameter :: jump = 0.01_wp ! guess
+  !> Points of a branch that is followed back, at most; part of the motion in which one that was lost is the same
+  integer, parameter :: most_back = 300 ! guess
+  real(wp), parameter :: same_motion = 0.1_wp ! guess
   !> Steps after which a branch may have come back to where it was begun
   integer, parameter :: fewest_steps = 4 ! guess
 
@@ -118,7 +124,7 @@ contains
     if (self%points == 0 .and. self%one_branch) then
       call begin_here(self, solver)
     else if (self%points == 0) then
-      call begin_at(self, solver, self%range%start)
+      call begin_at(self, solver, self%range%start, .false.)
     else if (self%on_branch .and. .not. is_back_at_start(self, solver)) then
       call follow(self, solver)
       call watch_closing(self, solver)
@@ -151,17 +157,19 @@ contains
   end subroutine set_harmonics
 
   !> Find a point at a frequency, and the branch's tangent there; a point that is not found still moves the sweep on.
-  subroutine begin_at(self, solver, omega)
+  subroutine begin_at(self, solver, omega, at_little_cost)
     type(sweep_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Only by strategies of little cost?
+    logical, intent(in) :: at_little_cost
     real(wp) :: target
 
     target = omega
     if (self%range%passes_stop(omega + smallest_step*self%range%width())) target = self%range%stop
-    call solve_by_strategies(solver, target)
+    call solve_by_strategies(solver, target, at_little_cost)
     solver%omega = target
     call self%stepper%begin(sign(1.0_wp, self%range%width()))
     self%reached_stop = abs(target - self%range%stop) <= 0.0_wp
@@ -183,6 +191,7 @@ contains
     call solver%solve_at(solver%omega)
     self%on_branch = solver%report%converged
     self%reach = solver%omega
+    call self%start%drop_from(1)
     call self%start%add(solver, .false.)
   end subroutine begin_here
 
@@ -207,15 +216,87 @@ contains
     self%finished = self%one_branch
   end subroutine watch_closing
 
-  !> Where the branch was lost or left the range: a point beyond the frequencies that the sweep has reached, and the branch there.
+  !> The branch was lost or left the range: look for another beyond the frequencies that the sweep has reached, from the static
+  !> solution, and begin at its other end.
   subroutine begin_past(self, solver)
     type(sweep_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    type(snapshot_type) :: lost
+    real(wp) :: reach, gap
+    integer :: iterations
 
+    lost = snapshot_of(solver)
     self%branch = self%branch + 1
-    call begin_at(self, solver, self%reach + jump*self%range%width())
+    reach = self%reach
+    gap = jump
+    iterations = 0
+    do
+      call solver%rest()
+      call begin_at(self, solver, reach + gap*self%range%width(), &
+                    at_little_cost=.not. self%range%passes_stop(reach + gap*self%range%width()))
+      iterations = iterations + solver%report%iterations
+      if (self%on_branch .or. self%finished) exit
+      gap = 2.0_wp*gap
+    end do
+    if (self%on_branch) call go_back(self, solver, lost)
+    solver%report%iterations = iterations + solver%report%iterations
   end subroutine begin_past
+
+  !> Follow the branch through the solver's point back, in silence, to where it ends or meets the one that was lost, and begin there.
+  subroutine go_back(self, solver, lost)
+    type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Last point of the branch that was lost
+    type(snapshot_type), intent(in) :: lost
+    type(sweep_type) :: back
+    type(snapshot_type) :: last
+    type(tangent_type) :: onward
+    real(wp) :: reach
+    integer :: iterations
+
+    reach = self%reach
+    back = new_branch_sweep(solver, self%range%start, self%range%stop, frequency_tangent(solver, -self%stepper%direction), &
+                            self%branch, most_back)
+    back%stepper%tolerance = self%stepper%tolerance
+    last = snapshot_of(solver)
+    iterations = 0
+    do while (.not. back%finished)
+      call back%advance(solver)
+      iterations = iterations + solver%report%iterations
+      if (.not. solver%report%converged) exit
+      call last%take(solver)
+      if (back%points > 1 .and. is_same(solver, lost, back%stepper%last%from%omega)) exit
+    end do
+    if (back%points > 2) then
+      onward = back%stepper%tangent_backwards(solver)
+      call self%stepper%begin(sign(1.0_wp, onward%omega))
+      self%stepper%tangent = onward
+      self%finished = .false.
+      self%reached_stop = .false.
+    end if
+    call restore(solver, last)
+    call begin_here(self, solver)
+    self%reach = reach
+    solver%report%iterations = iterations + solver%report%iterations
+  end subroutine go_back
+
+  !> Is the solver at the point of a branch that was lost, or has its last step passed it?
+  logical function is_same(solver, lost, omega)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Last point of the branch
+    type(snapshot_type), intent(in) :: lost
+    !> Angular frequency that the last step began at, rad/s
+    real(wp), intent(in) :: omega
+
+    is_same = .false.
+    if ((solver%omega - lost%omega)*(omega - lost%omega) > 0.0_wp) return
+    associate (balance => solver%context%balance, motion => resized(lost%motion, size(solver%motion, 1)))
+      is_same = balance%norm(solver%motion(2:, :) - motion(2:, :)) <= same_motion*balance%norm(motion(2:, :))
+    end associate
+  end function is_same
 
   !> One accepted step along the branch, the sweep's last point, or, where no step converges, a point beyond.
   subroutine follow(self, solver)

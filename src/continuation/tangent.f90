@@ -29,6 +29,7 @@ module attrito_continuation_tangent
     real(wp) :: share = 1.0_wp
   contains
     procedure :: reach
+    procedure :: across
     procedure :: keep
   end type tangent_type
 
@@ -40,6 +41,16 @@ contains
 
     reach = merge(1.0_wp/self%share, 1.0_wp, self%share > mean_share)
   end function reach
+
+  !> The direction that planes are across and other directions are compared with, [2 H + 1, rows]: without mean positions, which may
+  !> jump from point to point as sliders shake down, unless hardly anything else changes.
+  pure function across(self) result(motion)
+    class(tangent_type), intent(in) :: self
+    real(wp), allocatable :: motion(:, :)
+
+    motion = self%motion
+    if (self%share > mean_share) motion(1, :) = 0.0_wp
+  end function across
 
   !> Save to a store, or load from it.
   subroutine keep(self, store)
@@ -110,7 +121,7 @@ contains
       right = new_unknowns(shape(solver%motion), shape(balance%slider))
       step = right
       if (allocated(towards%motion)) then
-        constraint%motion = towards%motion/context%motion_scale
+        constraint%motion = towards%across()/context%motion_scale
       else
         constraint%motion = 0.0_wp*solver%motion
       end if
@@ -157,7 +168,7 @@ contains
       end do
       step%omega = 1.0_wp
       along = towards%omega/context%frequency_scale
-      if (allocated(towards%motion)) along = along + inner_product(balance, towards%motion, step%motion)/context%motion_scale
+      if (allocated(towards%motion)) along = along + inner_product(balance, towards%across(), step%motion)/context%motion_scale
       if (along < 0.0_wp) then
         step%motion = -step%motion
         step%omega = -1.0_wp

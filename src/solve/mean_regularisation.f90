@@ -2,7 +2,7 @@
 !> (`attrito_solve_mean_springs`), until contacts hold the body without them, or the mean takes the same step every time.
 module attrito_solve_mean_regularisation
   use attrito_core_kinds, only: wp
-  use attrito_solve_sliders, only: none_holds, none_sticks
+  use attrito_solve_sliders, only: none_holds
   use attrito_solve_solver, only: solver_type
   use attrito_solve_strategy_outcome, only: strategy_outcome_type
   use attrito_solve_mean_springs, only: apply_springs, remove_springs
@@ -61,7 +61,7 @@ contains
       outcome%iterations = outcome%iterations + solver%report%iterations
       if (.not. solver%report%converged) return
       call means%add(real(solver%context%balance%response(:, 0), wp))
-      if (is_free(solver)) then
+      if (none_holds(solver%context%balance)) then
         if (.not. means%do_repeat(alike_in_mean)) cycle
         outcome%evidence%is_drifting = .true.
         return
@@ -71,18 +71,6 @@ contains
     end do
     call solve_free(solver, omega, outcome)
   end subroutine find_drift
-
-  !> Does no contact hold the body? Without harmonic loads it slides once and for all.
-  logical function is_free(solver)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-
-    if (abs(solver%context%balance%level) > 0.0_wp) then
-      is_free = none_holds(solver%context%balance)
-    else
-      is_free = none_sticks(solver%context%balance)
-    end if
-  end function is_free
 
   !> Newton's method without springs, for as long as it makes progress; nothing changes if it fails.
   subroutine solve_free(solver, omega, outcome)

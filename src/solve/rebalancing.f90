@@ -84,7 +84,7 @@ contains
     integer, intent(in) :: owner(:)
     !> Fields that move with the contacts
     type(field_type), intent(inout) :: fields(:)
-    type(field_type) :: own(4)
+    type(field_type) :: own(5)
     integer :: first, last, i
 
     associate (balance => solver%context%balance)
@@ -92,6 +92,7 @@ contains
       own(2) = field_type(solver%static_slider, .true.)
       own(3) = field_type(balance%slider, .true.)
       own(4) = field_type(reshape(merge(1.0_wp, 0.0_wp, balance%periodic), [1, size(balance%periodic)]), .true.)
+      own(5) = field_type(solver%static_motion)
       first = count(owner < balance%ranks%rank) + 1
       last = count(owner <= balance%ranks%rank)
       do i = 1, size(own)
@@ -105,6 +106,7 @@ contains
       solver%static_slider = own(2)%columns
       balance%slider = own(3)%columns
       balance%periodic = own(4)%columns(1, :) > 0.5_wp
+      solver%static_motion = own(5)%columns
     end associate
   end subroutine move
 

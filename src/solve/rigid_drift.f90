@@ -33,7 +33,7 @@ module attrito_solve_rigid_drift
   !> gamma. Past the end of a branch on which contacts hold, friction no longer balances over the period; in a direction with a
   !> smaller share the sign of the frequency is rounding
   real(wp), parameter :: mean_share = 1.0e-3_wp ! guess
-  !> gamma where every contact slips: friction then balances at single frequencies, and rounding makes a branch of these
+  !> gamma if every contact comes to its limit: friction then balances at single frequencies, and rounding makes a branch of these
   real(wp), parameter :: free_share = 0.5_wp ! guess
 
   !> Means of successive solutions with springs, of which the last three count
@@ -95,7 +95,7 @@ contains
   pure logical function moves_mean_alone(share, none_holds)
     !> Part of the step's direction that is anything but mean positions, 0 to 1
     real(wp), intent(in) :: share
-    !> Does every contact slip or open in the period?
+    !> Does every contact come to its limit of friction, or open, in the period?
     logical, intent(in) :: none_holds
 
     moves_mean_alone = share < merge(free_share, mean_share, none_holds)

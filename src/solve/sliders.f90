@@ -6,7 +6,7 @@ module attrito_solve_sliders
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_open
   implicit none
   private
-  public :: end_period, found_moving, keep_sliders, largest_defect, none_moves, none_holds, none_sticks, closed_contacts
+  public :: end_period, found_moving, keep_sliders, largest_defect, none_moves, none_holds, closed_contacts
 
 contains
 
@@ -90,25 +90,16 @@ contains
     none_moves = balance%ranks%largest(moving) <= 0.0_wp
   end function none_moves
 
-  !> Does every contact slip or open in the period?
+  !> Is every contact at its limit of friction, or open, at some instant of the period? One that is shaken down is at its limit
+  !> once a period: a body that moves on pushes its slider along, and the force stays the same.
   logical function none_holds(balance)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     real(wp) :: holds
 
-    holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state <= state_shaken_down))
+    holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state == state_stuck))
     none_holds = balance%ranks%largest(holds) <= 0.0_wp
   end function none_holds
-
-  !> Does no contact stick at rest? In motion that does not change one that slides is shaken down: to its limit, once.
-  logical function none_sticks(balance)
-    !> Harmonic balance: loads, contacts, receptance and its last residual
-    type(balance_type), intent(in) :: balance
-    real(wp) :: sticks
-
-    sticks = merge(1.0_wp, 0.0_wp, any(balance%forces%state == state_stuck))
-    none_sticks = balance%ranks%largest(sticks) <= 0.0_wp
-  end function none_sticks
 
   !> Which contacts, of all ranks, touch at some instant of the last evaluation.
   function closed_contacts(balance, count) result(closed)

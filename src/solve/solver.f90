@@ -56,8 +56,8 @@ module attrito_solve_solver
     !> Relative displacements of this rank's rows [2 H + 1, rows] and angular frequency
     real(wp), allocatable :: motion(:, :)
     real(wp) :: omega = 0.0_wp
-    !> Sliders of the static solution [width, contacts]
-    real(wp), allocatable :: static_slider(:, :)
+    !> The static solution: sliders [width, contacts], and relative displacements of this rank's rows [1, rows]
+    real(wp), allocatable :: static_slider(:, :), static_motion(:, :)
     !> Which contacts, of all ranks, the last static path has left closed [contacts]
     logical, allocatable :: closed(:)
     !> How the last solve ended, with the iterations of all its tries
@@ -75,6 +75,7 @@ module attrito_solve_solver
     procedure :: solve_at
     procedure :: solve_stuck_at
     procedure :: accept
+    procedure :: rest
     procedure :: set_scales
     procedure :: set_motion_scale
     procedure :: set_loads
@@ -122,6 +123,7 @@ contains
     end if
     allocate (self%motion(self%context%balance%coefficients(), self%context%balance%rows()), source=0.0_wp)
     self%static_slider = self%context%balance%slider
+    self%static_motion = self%motion(:1, :)
   end subroutine new_solver
 
   !> Solve from the present motion and frequency. Motion, frequency and sliders change only if it converges.
@@ -139,6 +141,7 @@ contains
     real(wp), allocatable :: slider(:, :)
     logical, allocatable :: periodic(:)
     logical :: is_brief
+    real(wp) :: tight
     integer :: round, iterations, linear_iterations
 
     is_brief = .false.
@@ -150,7 +153,8 @@ contains
       unknowns = unknowns_type(self%motion, slider, self%omega)
       iterations = 0
       linear_iterations = 0
-      controls = newton_controls_type(loose_tolerance(self, self%context%tolerance), self%options%max_iterations)
+      tight = tight_tolerance(self)
+      controls = newton_controls_type(loose_tolerance(self, tight), self%options%max_iterations)
       do round = 1, self%options%rounds
         if (is_brief) then
           call solve_briefly(self%newton, unknowns, constraint, controls, self%report)
@@ -162,12 +166,12 @@ contains
         ! A plane meets mirrored motions of negative frequency, too.
         self%report%converged = self%report%converged .and. unknowns%omega > 0.0_wp
         if (.not. self%report%converged) exit
-        if (found_moving(balance, self%options%tolerance*self%context%motion_scale)) then
+        if (found_moving(balance, tight*self%context%motion_scale)) then
           unknowns%slider = balance%slider
           call self%context%forget()
         else
-          if (controls%tolerance <= self%context%tolerance) exit
-          controls%tolerance = self%context%tolerance
+          if (controls%tolerance <= tight) exit
+          controls%tolerance = tight
         end if
       end do
       self%report%iterations = iterations
@@ -194,11 +198,21 @@ contains
 
     self%motion = motion
     self%omega = omega
-    call keep_sliders(self%context%balance, slider_before, self%options%tolerance*self%context%motion_scale)
+    call keep_sliders(self%context%balance, slider_before, tight_tolerance(self)*self%context%motion_scale)
     self%all_stick = none_moves(self%context%balance)
     if (self%options%reset_slider) call reset_slider(self)
     call self%context%forget()
   end subroutine accept
+
+  !> Go back to the static solution: no vibration, and sliders as the static loads left them.
+  subroutine rest(self)
+    class(solver_type), intent(inout) :: self
+
+    self%motion(1:1, :) = self%static_motion
+    self%motion(2:, :) = 0.0_wp
+    self%all_stick = .false.
+    call self%set_slider(self%static_slider)
+  end subroutine rest
 
   !> Let the next point start from the sliders of the static solution.
   subroutine reset_slider(self)
@@ -207,6 +221,17 @@ contains
     self%context%balance%slider = self%static_slider
     self%context%balance%periodic = .false.
   end subroutine reset_slider
+
+  !> Norm of the scaled residual that counts as converged: relative to the alternating motion where that exceeds the stuck response.
+  !> Contacts that slip may let it grow a hundredfold, and rounding of the residual grows with it.
+  real(wp) function tight_tolerance(self) result(tight)
+    class(solver_type), intent(in) :: self
+
+    associate (context => self%context)
+      tight = context%tolerance*max(1.0_wp, context%balance%norm(self%motion(2:, :))/context%motion_scale)
+      tight = min(tight, loosest_tolerance)
+    end associate
+  end function tight_tolerance
 
   !> Tolerance of the solve that finds which sliders move over a period. With one tangent none does, and the first solve is the last.
   real(wp) function loose_tolerance(self, tight)
@@ -413,6 +438,7 @@ contains
       if (store%reading) call self%hold_contacts(max(first, 1), min(last, size(self%contacts%law)))
       call store%keep(self%motion)
       call store%keep(self%static_slider)
+      call store%keep(self%static_motion)
       call store%keep(self%omega)
       call store%keep(self%all_stick)
       call store%keep(self%evidence%no_periodic_solution)

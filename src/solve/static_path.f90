@@ -99,6 +99,7 @@ contains
     type(solver_type), intent(inout) :: solver
 
     solver%static_slider = solver%context%balance%slider
+    solver%static_motion = solver%motion(:1, :)
     solver%closed = closed_contacts(solver%context%balance, size(solver%contacts%law))
     associate (response => solver%context%balance%response)
       if (solver%options%uncoupled) solver%context%balance%frozen_mean = response(:, lbound(response, 2))

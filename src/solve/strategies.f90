@@ -19,13 +19,13 @@ contains
 
   !> Solve at an angular frequency, with the present loads. Newton's method from the point before is given up early where other starts
   !> follow, and run to its end when these have failed.
-  subroutine solve_by_strategies(solver, omega, is_long)
+  subroutine solve_by_strategies(solver, omega, at_little_cost)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Target
     real(wp), intent(in) :: omega
-    !> Is the series long, so that a short one follows where strategies of little cost fail? If not given, it is not
-    logical, intent(in), optional :: is_long
+    !> Only by strategies of little cost, since something else is tried if they fail? If not given, by all
+    logical, intent(in), optional :: at_little_cost
     type(strategy_type), allocatable :: table(:)
     type(snapshot_type) :: before, drifted
     type(search_type) :: search
@@ -33,7 +33,7 @@ contains
     logical :: is_stuck, of_little_cost
 
     of_little_cost = .false.
-    if (present(is_long)) of_little_cost = is_long
+    if (present(at_little_cost)) of_little_cost = at_little_cost
     search%omega = omega
     search%previous = solver%evidence
     solver%evidence = evidence_type()
@@ -42,7 +42,7 @@ contains
     before = snapshot_of(solver)
     table = strategies()
     do i = 1, size(table)
-      if (btest(solver%left_out, i) .or. (of_little_cost .and. .not. table(i)%on_long_series)) cycle
+      if (btest(solver%left_out, i) .or. (of_little_cost .and. .not. table(i)%costs_little)) cycle
       if (.not. is_tried(table(i), solver, search)) cycle
       call table(i)%solve(solver, search)
       if (search%outcome%converged) exit

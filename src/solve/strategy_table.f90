@@ -34,8 +34,9 @@ module attrito_solve_strategy_table
     character(112) :: path = '', condition = '', cost = ''
     !> If it fails: is a drift that was found up to then the last word, and is motion in time without a periodic solution?
     logical :: drift_ends = .true., no_orbit_ends = .false.
-    !> Does it cost so little that it is tried on a long series before all are tried on a short one?
-    logical :: on_long_series = .false.
+    !> Does it cost so little that it is tried where something else follows: on a long series, where all are tried on a short one
+    !> then, and for branches beyond one that was lost?
+    logical :: costs_little = .false.
     !> Is everything there that it needs? Not associated: it needs nothing
     procedure(is_possible_at), pointer, nopass :: is_possible => null()
     !> Is it worth its cost at its place in the order? Not associated: always
@@ -80,12 +81,12 @@ contains
                           path='the point before; given up after eight iterations that gain less than a hundredfold', &
                           condition='unless the body drifted at the point before', &
                           cost='30 iterations', &
-                          drift_ends=.false., on_long_series=.true., is_worth_while=another_follows, solve=solve_early_stop), &
+                          drift_ends=.false., costs_little=.true., is_worth_while=another_follows, solve=solve_early_stop), &
             strategy_type('mean_regularisation', &
                           path='the point before, with springs on the mean that are relaxed', &
                           condition='coupled; after a drift, or where there is no time integration', &
                           cost='eight solves with springs, nine without', &
-                          drift_ends=.false., on_long_series=.true., is_possible=can_regularise, &
+                          drift_ends=.false., costs_little=.true., is_possible=can_regularise, &
                           is_worth_while=drift_is_likely, solve=relax_springs), &
             strategy_type('time_integration', &
                           path='means of periods integrated in time; every third start with springs on the mean', &

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import h5py
 import numpy as np
@@ -17,6 +18,8 @@ FOLD_CROSSINGS = KINDS[4:]
 # may be of: what few harmonics leave out.
 FOLD_POINTS = 3
 FOLD_WIDTH = 1e-3
+# Of frequencies in distances from the drawn curve, as a part of the frequency (src/continuation/arc.f90)
+FREQUENCY_UNIT = 1e-3
 
 
 @dataclass(frozen=True)
@@ -60,10 +63,23 @@ def of_rows(point: int, rows: Iterable[np.ndarray]) -> list[Bifurcation]:
     ]
 
 
-def added(found: list[Bifurcation], new: Bifurcation) -> list[Bifurcation]:
-    """Those found and a new one; a fold goes before its own crossing, by an orbit that turns at another frequency."""
+def narrowest_fold(continuation: Mapping[str, Any]) -> float:
+    """How far a branch has to go back from a fold, as a part of the frequency: farther than the curve is drawn."""
+    return FREQUENCY_UNIT * float(continuation["curve_tolerance"])
+
+
+def added(found: list[Bifurcation], new: Bifurcation, narrow: float) -> list[Bifurcation]:
+    """Those found and a new one; a fold goes before its own crossing, by an orbit that turns at another frequency.
+
+    Two folds in a row that are nearer than `narrow`, a part of the frequency, are neither: between them the branch does
+    not go back farther than the curve is drawn, as where a contact's samples change one after another.
+    """
     if any(_is_of_fold(new, fold) for fold in found):
         return found
+    if new.kind in FOLDS:
+        last = next((one for one in reversed(found) if one.kind in FOLDS), None)
+        if last is not None and _are_one_corner(last, new, narrow):
+            return [one for one in found if one is not last]
     return [*(one for one in found if not _is_of_fold(one, new)), new]
 
 
@@ -76,6 +92,12 @@ def _is_of_fold(crossing: Bifurcation, fold: Bifurcation) -> bool:
         and abs(crossing.point - fold.point) <= FOLD_POINTS
         and abs(crossing.frequency_hz - fold.frequency_hz) < FOLD_WIDTH * fold.frequency_hz
     )
+
+
+def _are_one_corner(last: Bifurcation, new: Bifurcation, narrow: float) -> bool:
+    return (last.branch, last.level) == (new.branch, new.level) and abs(
+        new.frequency_hz - last.frequency_hz
+    ) <= narrow * last.frequency_hz
 
 
 def write_bifurcations(file: h5py.File, found: list[Bifurcation], monitors: list[str]) -> None:

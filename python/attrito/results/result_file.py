@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 
 from attrito.library.series import Series
-from attrito.results.bifurcations import Bifurcation, added, of_rows, write_bifurcations
+from attrito.results.bifurcations import Bifurcation, added, narrowest_fold, of_rows, write_bifurcations
 from attrito.results.journal import Record, read_journal
 from attrito.results.stability_part import write_stability
 from attrito.support.errors import Fault, InputError
@@ -81,8 +81,9 @@ class _Survey:
             self.shapes[name] = tuple(np.maximum(self.shapes.get(name, extent), extent).tolist())
         arrays = record.arrays.items()
         self.examined.append({n.removeprefix(EXAMINED): values for n, values in arrays if n.startswith(EXAMINED)})
+        narrow = narrowest_fold(json.loads(self.first.note["attributes"]["job"])["continuation"])
         for one in of_rows(self.points, record.arrays.get("bifurcations", ())):
-            self.bifurcations = added(self.bifurcations, one)
+            self.bifurcations = added(self.bifurcations, one, narrow)
         self.points += 1
 
 

@@ -20,7 +20,8 @@ class RunPosition:
     branch : the highest number of a branch so far
     points : points done of all sweeps
     outcomes : how many points ended how
-    incomplete : sweeps that ended before their stop, in words
+    before : branch and outcome of the last point
+    incomplete : branches and sweeps that ended before their stop, in words
     warnings : of the static solution
     """
 
@@ -31,6 +32,7 @@ class RunPosition:
     searching: bool = False
     branch: int = 0
     points: int = 0
+    before: tuple[int, str] | None = None
     outcomes: dict[str, int] = field(default_factory=dict)
     incomplete: list[str] = field(default_factory=list)
     warnings: list[str] = field(default_factory=list)
@@ -39,4 +41,5 @@ class RunPosition:
         """Count a point that is done."""
         self.branch = max(self.branch, point.branch)
         self.points += 1
+        self.before = (point.branch, point.outcome)
         self.outcomes[point.outcome] = self.outcomes.get(point.outcome, 0) + 1

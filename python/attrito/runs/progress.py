@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from attrito.library.names import NO_SOLUTION
 from attrito.runs.linear_references import in_words
 from attrito.support.verbosity import is_verbose
 
@@ -134,7 +135,7 @@ class Progress:
         parts = [
             (f"{number - 1:5d}  {point.frequency_hz:11.5g} Hz", 0),
             (f"  level {point.level:<8.4g}", 3),
-            (f" {monitor} {point.amplitude[0]:11.4e}", 1),
+            (f" {monitor} " + (f"{point.amplitude[0]:11.4e}" if point.outcome not in NO_SOLUTION else " " * 11), 1),
             (f"  stuck {stuck + shaken_down:3d} slipping {slipping:3d} open {opened:3d}", 4),
             (f"  {point.iterations:3d} iterations", 5),
             (f"  {point.outcome}", 0),

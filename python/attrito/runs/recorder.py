@@ -128,6 +128,10 @@ class Recorder:
         """What was taken down of the point; at the root."""
         return self._told[path]
 
+    def has_heard(self, path: str) -> bool:
+        """Whether that was taken down of the point; at the root."""
+        return path in self._told
+
     def add(self, path: str, what: Series, values: np.ndarray) -> None:
         """Take down besides what the solver does not report itself, or in its place; at the root."""
         self._hear(path, what, values)

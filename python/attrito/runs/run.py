@@ -10,7 +10,7 @@ import numpy as np
 
 from attrito.job.job import Job, rom_path
 from attrito.job.reading import read_job
-from attrito.library.points import StoredPoint
+from attrito.library.points import Point, StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.results.journal import Record, find_earlier, remove_journal
@@ -18,6 +18,7 @@ from attrito.results.result_file import fill_result
 from attrito.results.stored_point import read_point
 from attrito.runs.bifurcations import Finder
 from attrito.runs.bounds import Sampler, write_bounds
+from attrito.runs.branch_ends import BranchEnds
 from attrito.runs.branch_search import Search
 from attrito.runs.header import first_record
 from attrito.runs.linear_references import linear_references
@@ -129,7 +130,7 @@ def _solve(
         stages.end("linear responses")
         path = LoadPath(options, load_path, beginning(job, start)) if job["static"]["slider"] == "reset" else None
         differentiator = Differentiator(comm, solver, job, scene, reduced, path)
-        run = _Run(comm, job, solver, reduced, options, progress, stages, load_path, stop, differentiator)
+        run = _Run(comm, job, solver, scene, reduced, options, progress, stages, load_path, stop, differentiator)
         run.start, run.static_means = start, means
         try:
             with stop.solving():
@@ -148,6 +149,7 @@ class _Run:
         comm: Comm,
         job: Job,
         solver: Solver,
+        scene: Scene | None,
         reduced: ReducedScene,
         options: Options,
         progress: Progress,
@@ -165,7 +167,9 @@ class _Run:
         self._finder = Finder(solver, job, progress)
         self.result = job.file(job["output"]["file"])
         self.journal = f"{self.result}.partial"
-        self.recorder = Recorder(comm, solver, self.journal, (self._examiner, self._sampler, self._finder))
+        self._ends = BranchEnds(comm, scene)
+        followers = (self._examiner, self._sampler, self._finder, self._ends)
+        self.recorder = Recorder(comm, solver, self.journal, followers)
         self.place = RunPosition()
         # The point of an older result that sweeps begin at, if any; monitors' means at the static solution
         self.start: StoredPoint | None = None
@@ -183,6 +187,7 @@ class _Run:
                 point = self._longer.visit(self._examiner.examine(point))
                 stages.end("stability")
                 self.recorder.hear()
+                self._note_end(point)
                 self._sampler.visit(point)
                 stages.end("bounds")
                 if corner := self._differentiator.visit(point, self.recorder):
@@ -206,6 +211,14 @@ class _Run:
         except (InputError, KeyboardInterrupt):
             progress.say(self._left())
             raise
+
+    def _note_end(self, point: Point) -> None:
+        """Say where the branch of the point before ended, if this one is on another of the same sweep."""
+        before = self.place.before if self.place.taken > 1 and not self.place.searching else None
+        sentence = self._ends.visit(point, self.recorder, before, self._finder.found)
+        if sentence is not None:
+            self.place.incomplete.append(sentence)
+            self._progress.say(sentence)
 
     def _begin(self, first: Record | None, resume: bool, search: Search) -> None:
         there = on_root(self._comm, lambda: find_earlier(self.journal, resume))
