@@ -168,15 +168,19 @@ contains
     call solver%destroy()
   end subroutine up_and_down
 
-  !> Signs that omega's steps change along a branch.
+  !> Signs that omega's steps change along a branch, each sample that begins to touch being a corner of it.
   integer function turns(points)
     type(point_type), intent(in) :: points(:)
+    !> Steps of omega that are such a corner's, see `hardening`
+    real(wp), parameter :: corner = 1.0e-8_wp
     real(wp), allocatable :: steps(:)
     integer :: n
 
     n = size(points)
     steps = points(2:)%omega - points(:n - 1)%omega
-    turns = count(steps(2:)*steps(:n - 2) < 0.0_wp)
+    steps = pack(steps, abs(steps) > corner)
+    n = size(steps)
+    turns = count(steps(2:)*steps(:n - 1) < 0.0_wp)
   end function turns
 
   subroutine hardening(error)
