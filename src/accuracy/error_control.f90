@@ -131,8 +131,6 @@ contains
     integer :: now(2), wanted(2), iterations
     logical :: accepted_too
 
-    ! A linear response asks for nothing, and says nothing of what follows.
-    if (solver%all_stick) return
     now = [solver%options%harmonics, solver%options%samples]
     wanted = [self%next_harmonics, self%next_samples]
     if (.not. solver%report%converged .or. self%next_harmonics <= 0 .or. all(2*wanted > now)) then
@@ -147,11 +145,18 @@ contains
     wanted(2) = min(max(wanted(2), 6*wanted(1) + 2), now(2))
     self%modest = 0
     self%most_asked = 0
+    iterations = solver%report%iterations
     if (all(wanted == now)) return
+    if (solver%all_stick) then
+      ! A linear response is the same on any series.
+      call solver%set_resolution(wanted(1), wanted(2))
+      call solver%solve_stuck_at(solver%omega, accepted_too)
+      solver%report%iterations = iterations
+      return
+    end if
     here = snapshot_of(solver)
     report = solver%report
     errors = self%errors
-    iterations = report%iterations
     call set_aside(solver%context%balance, evaluation)
     point%motion = solver%motion
     call solve_finer(solver, point, wanted(1), wanted(2), .true., iterations, accepted_too)
@@ -359,12 +364,19 @@ contains
     type(snapshot_type) :: before
     type(newton_report_type) :: report
     type(constraint_type) :: constraint
+    real(wp), allocatable :: slider(:, :)
+    logical, allocatable :: periodic(:)
     integer :: resolution(2), status
 
     before = snapshot_of(solver)
     report = solver%report
     resolution = [solver%options%harmonics, solver%options%samples]
+    ! Two series are compared from the same start: sliders at rest begin where the point's first solve did.
+    slider = solver%context%balance%slider
+    periodic = solver%context%balance%periodic
+    if (allocated(solver%slider_before)) slider = merge(slider, solver%slider_before, spread(periodic, 1, size(slider, 1)))
     call solver%set_resolution(harmonics, samples)
+    call solver%set_slider(slider, periodic)
     solver%motion = resized(finer%motion, 2*harmonics + 1)
     constraint = solver%context%constraint
     call solver%solve_with(constraint, early_stop)

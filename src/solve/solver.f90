@@ -58,6 +58,8 @@ module attrito_solve_solver
     real(wp) :: omega = 0.0_wp
     !> The static solution: sliders [width, contacts], and relative displacements of this rank's rows [1, rows]
     real(wp), allocatable :: static_slider(:, :), static_motion(:, :)
+    !> Sliders that the last solve began at [width, contacts]; not allocated: none was since contacts were shared out
+    real(wp), allocatable :: slider_before(:, :)
     !> Which contacts, of all ranks, the last static path has left closed [contacts]
     logical, allocatable :: closed(:)
     !> How the last solve ended, with the iterations of all its tries
@@ -198,6 +200,7 @@ contains
 
     self%motion = motion
     self%omega = omega
+    self%slider_before = slider_before
     call keep_sliders(self%context%balance, slider_before, tight_tolerance(self)*self%context%motion_scale)
     self%all_stick = none_moves(self%context%balance)
     if (self%options%reset_slider) call reset_slider(self)
@@ -394,6 +397,7 @@ contains
 
     call self%newton%destroy()
     call take_contacts(self%context%balance, self%contacts, first, last)
+    if (allocated(self%slider_before)) deallocate (self%slider_before)
     call self%context%forget()
     call new_newton(self%context, self%newton)
   end subroutine hold_contacts

@@ -63,9 +63,12 @@ def of_rows(point: int, rows: Iterable[np.ndarray]) -> list[Bifurcation]:
     ]
 
 
-def narrowest_fold(continuation: Mapping[str, Any]) -> float:
-    """How far a branch has to go back from a fold, as a part of the frequency: farther than the curve is drawn."""
-    return FREQUENCY_UNIT * float(continuation["curve_tolerance"])
+def narrowest_fold(job: Mapping[str, Any]) -> float:
+    """How far a branch has to go back from a fold, as a part of the frequency: farther than the curve is drawn.
+
+    A job of before there was such a tolerance reports every fold.
+    """
+    return FREQUENCY_UNIT * float(job.get("continuation", {}).get("curve_tolerance", 0.0))
 
 
 def added(found: list[Bifurcation], new: Bifurcation, narrow: float) -> list[Bifurcation]:

@@ -81,7 +81,7 @@ class _Survey:
             self.shapes[name] = tuple(np.maximum(self.shapes.get(name, extent), extent).tolist())
         arrays = record.arrays.items()
         self.examined.append({n.removeprefix(EXAMINED): values for n, values in arrays if n.startswith(EXAMINED)})
-        narrow = narrowest_fold(json.loads(self.first.note["attributes"]["job"])["continuation"])
+        narrow = narrowest_fold(json.loads(self.first.note["attributes"]["job"]))
         for one in of_rows(self.points, record.arrays.get("bifurcations", ())):
             self.bifurcations = added(self.bifurcations, one, narrow)
         self.points += 1

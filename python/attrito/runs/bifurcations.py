@@ -37,7 +37,7 @@ class Finder:
         self._solver, self._progress = solver, progress
         self._looks = job["continuation"]["locate"]
         self._how = METHODS[job["stability"]["method"]], ORBITS[job["stability"]["orbit"]]
-        self._narrow = narrowest_fold(job["continuation"])
+        self._narrow = narrowest_fold(job.tables)
         self._points = 0
         self._last: list[Bifurcation] = []
         # A fold that is not said yet: the branch has not gone back from it farther than the curve is drawn.
