@@ -44,7 +44,9 @@ def make(seed: int, number: int, tangents: int) -> dict[str, Any]:
         kt = float(natural[0] ** 2 * 10 ** random.uniform(-1.0, 1.0))
         # The limit is a part of the force of the spring in the resonance of the stuck structure.
         limit = 10 ** random.uniform(-1.0, 0.8) * 20.0
-        tables.append({"tangents": rows, "tangential_stiffness": kt, "friction_coefficient": 0.5, "preload": 2.0 * limit})
+        tables.append(
+            {"tangents": rows, "tangential_stiffness": kt, "friction_coefficient": 0.5, "preload": 2.0 * limit}
+        )
     rows = np.array([[value for _, value in row] for one in tables for row in one["tangents"]])
     springs = np.repeat([one["tangential_stiffness"] for one in tables], tangents)
     stuck = np.sqrt(np.linalg.eigvals(np.linalg.solve(mass, stiffness + rows.T @ (springs[:, None] * rows))).real)
@@ -104,7 +106,8 @@ def main() -> None:
     solved = [one for one in found if "error" not in one]
     print(
         f"{len(found)} scenes: {len(found) - len(solved)} errors, {sum(one['folds'] > 0 for one in solved)} fold"
-        f" ({sum(one['folds'] for one in solved)} folds), {sum(one['branches'] > 1 for one in solved)} have more branches,"
+        f" ({sum(one['folds'] for one in solved)} folds),"
+        f" {sum(one['branches'] > 1 for one in solved)} have more branches,"
         f" {sum(bool(one['others']) for one in solved)} have points of other outcomes;"
         f" {sum(one['points'] for one in solved)} points, {sum(one['iterations'] for one in solved)} iterations,"
         f" {sum(one['seconds'] for one in solved):.0f} s"

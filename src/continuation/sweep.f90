@@ -2,8 +2,8 @@
 !>
 !> If no step along the branch converges, if the branch ends, closes upon itself or runs back over the start, the sweep looks for
 !> another one from the static solution, at frequencies beyond those that it has reached, farther and farther away, and only at its
-!> stop at any cost. What it finds is followed back to where it ends, in silence, and from there on point by point, as a branch with a number of its own. A sweep that
-!> follows a single branch ends with it.
+!> stop at any cost. What it finds is followed back to where it ends, in silence, and from there on point by point, as a branch with
+!> a number of its own. A sweep that follows a single branch ends with it.
 module attrito_continuation_sweep
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type

@@ -255,8 +255,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "residual_tolerance": Key(
             number(1e-14, 1e-3),
             1e-10,
-            "norm of the residual relative to the stuck response, or to the alternating motion if that is larger (then at"
-            " most 1e-6). The motion's own error is hundreds of times as large"
+            "norm of the residual relative to the stuck response, or to the alternating motion if that is larger (then"
+            " at most 1e-6). The motion's own error is hundreds of times as large"
             " near a peak; below 1e-12 Newton's method takes one step more against that",
         ),
         "max_iterations": Key(integer(1), 30, "of Newton's method"),

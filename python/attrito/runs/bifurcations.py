@@ -19,6 +19,7 @@ from attrito.runs.stability import METHODS
 if TYPE_CHECKING:
     from attrito.runs.progress import Progress
 
+
 class Finder:
     """Looks for bifurcations on every step of a sweep.
 

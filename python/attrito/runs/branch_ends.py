@@ -84,7 +84,9 @@ def reason(last: dict[str, np.ndarray], contacts: Contacts) -> str:
     sets = contacts.places["set"].astype(str)
     names = list(dict.fromkeys(sets[closed].tolist()))
     words = ", ".join(name.replace(" - ", "/") for name in names)
-    which = f"contact sets {words}" if names != ["explicit"] else f"contacts {', '.join(map(str, np.flatnonzero(closed)))}"
+    which = (
+        f"contact sets {words}" if names != ["explicit"] else f"contacts {', '.join(map(str, np.flatnonzero(closed)))}"
+    )
     return f"{which} slide{_carried(last, contacts, closed)}"
 
 
