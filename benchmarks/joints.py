@@ -6,9 +6,9 @@
     .venv/bin/python benchmarks/joints.py --folder out/joints --only 3 --pictures
 
 Four each of dovetails, underplatform dampers, bolted flanges, lap joints and rings (`joints_geometry.py`), drawn from a
-seed: unlike meshes, gaps, friction 0.1 to 0.6, and an excitation such that the normal forces at rest sum up to 0.01 to
-100 times as much. CalculiX writes the matrices. The band goes from 12 % below to 12 % above the tangent mode that the
-excitation moves most. Joints that a folder holds are not built again.
+seed: unlike meshes, gaps, friction 0.1 to 0.6. At the resonance that the tip's excitation moves most the sum of normal
+forces at rest is 0.01 to 100 times that of alternating contact forces, were contacts as at rest. The band goes from
+12 % below to 12 % above it. CalculiX writes the matrices. Joints that a folder holds are not built again.
 
 Prints JSON, a row a joint. `balance` is what contact forces and static loads leave over on the free body at rest, part
 of the sum of normal forces. `outcome` is "arrived" if one branch led to the stop; `left_at_hz` is where a sweep left a
@@ -138,8 +138,14 @@ def job_text(joint: Joint, drawn: Row, sweep: Row, file: str) -> str:
     return text + f'[output]\nfile = "{file}"\nmonitors = [{{ name = "tip", dofs = {json.dumps(tip)} }}]\n'
 
 
-def attrito(folder: Path, *arguments: str, log: str = "steps.log", limit: int = 0) -> tuple[int, float]:
-    """Run the command in a folder: exit code, negative after a signal, and seconds of the processor."""
+def attrito(folder: Path, *arguments: str) -> None:
+    """Run the command in a folder; what it says goes to `steps.log`."""
+    if timed(folder, "steps.log", 0, *arguments)[0] != 0:
+        sys.exit(f"attrito {' '.join(arguments)} failed: {folder}/steps.log")
+
+
+def timed(folder: Path, log: str, limit: int, *arguments: str) -> tuple[int, float]:
+    """Run the command within a limit of seconds: exit code, negative after a signal, and seconds of the processor."""
 
     def limited() -> None:
         if limit:
@@ -165,41 +171,44 @@ def build(folder: Path, number: int, seed: int) -> Row:
     loads |= {"gap.txt": lambda scene: oval_text(joint, scene)} if joint.oval else {}
     with contextlib.redirect_stdout(sys.stderr):
         make_model(folder, "joint", f"Joint {number}", scene_of(joint), [*joint.bodies], None, steps, PRODUCTS, loads)
-    (folder / "rest.toml").write_text(job_text(joint, drawn, {"frequencies_hz": [SLOW], "levels": [FAINT]}, "rest.h5"))
-    commands = (
-        ("import", "model.h5", "--calculix", "joint", "--mesh", "joint.inp"),
-        ("run", "rest.toml"),
-        ("linear-modes", "rest.toml", "--state", "tangent"),
-    )
-    for command in commands:
-        if attrito(folder, *command)[0] != 0:
-            sys.exit(f"joint {number}: attrito {' '.join(command)} failed: {folder}/steps.log")
-    row = {"joint": number, "kind": joint.kind, **at_rest(folder, joint)}
+    attrito(folder, "import", "model.h5", "--calculix", "joint", "--mesh", "joint.inp")
+    rest = {"frequencies_hz": [SLOW], "levels": [FAINT]}
+    (folder / "rest.toml").write_text(job_text(joint, drawn, rest, "rest.h5"))
+    attrito(folder, "linear-modes", "rest.toml", "--state", "tangent")
     with h5py.File(folder / "rest.modes.h5") as file:
         natural, shapes = file["points/frequency_hz"][:], file["monitors/tip/shape"][:]
-        moved = np.where(natural > SLOW, (shapes / np.maximum(natural, SLOW)) ** 2, 0.0)
-        mode = natural[np.argmax(moved)]
-    level = row["normal"] / drawn["ratio"]
-    band = [mode * (1 - SIDE), mode * (1 + SIDE)][:: 1 if drawn["upwards"] else -1]
-    sweep = {"start_hz": round(band[0], 3), "stop_hz": round(band[1], 3), "levels": [float(f"{level:.6g}")]}
+    mode = float(natural[np.argmax(np.where(natural > SLOW, (shapes / np.maximum(natural, SLOW)) ** 2, 0.0))])
+    rest["frequencies_hz"].append(mode)
+    (folder / "rest.toml").write_text(job_text(joint, drawn, rest, "rest.h5"))
+    attrito(folder, "run", "rest.toml", "--set", "balance.harmonics=1", "--set", 'static.bounds="none"')
+    row = {"joint": number, "kind": joint.kind, **at_rest(folder, joint)}
+    row |= {"seed": seed, "ratio": drawn["ratio"], "mode_hz": mode}
+    band = [round(mode * (1 + side), 3) for side in (-SIDE, SIDE)][:: 1 if drawn["upwards"] else -1]
+    level = FAINT * row["normal"] / (drawn["ratio"] * row.pop("alternating"))
+    sweep = {"start_hz": band[0], "stop_hz": band[1], "levels": [float(f"{level:.6g}")]}
     (folder / "job.toml").write_text(job_text(joint, drawn, sweep, "result.h5"))
-    row |= {"seed": seed, "ratio": drawn["ratio"], "mode_hz": float(mode)}
     kept.write_text(json.dumps(row))
     return row
 
 
 def at_rest(folder: Path, joint: Joint) -> Row:
-    """Pairs, normal forces, and how contact forces and static loads balance on the free body."""
+    """Pairs, normal forces, those that alternate at the resonance, and how loads balance on the free body."""
     with h5py.File(folder / "rest.h5") as file:
         state, frame = file["contacts/state"][0], file["contacts/parameters/frame"][:]
-        forces, normal = file["contacts/force"][0, :, :, 0], float(np.nansum(file["contacts/n_mean"][0]))
+        forces, normal = file["contacts/force"][0, :, :, 0], float(file["contacts/n_mean"][0].sum())
+        alternating = np.linalg.norm(file["contacts/force"][1, :, :, 1:], axis=(1, 2)).sum()
         sides = [name.decode().split(" - ")[0] for name in file["contacts/parameters/set"]]
     # On side a the contact's force is -B^T (T, N), on side b the opposite.
     signs = [-1.0 if joint.sets[side][0] == joint.free else 1.0 for side in sides]
     total = np.einsum("c,ck,ckx->x", signs, forces, frame)
     left = total + applied(folder, joint)
-    opened = int(np.sum(state == STATES.index("open")))
-    return {"pairs": len(state), "open": opened, "normal": normal, "balance": float(np.linalg.norm(left) / normal)}
+    return {
+        "pairs": len(state),
+        "open": int(np.sum(state == STATES.index("open"))),
+        "normal": normal,
+        "alternating": float(alternating),
+        "balance": float(np.linalg.norm(left) / normal),
+    }
 
 
 def applied(folder: Path, joint: Joint) -> np.ndarray:
@@ -225,7 +234,7 @@ def measure(folder: Path, settings: list[str], limit: int) -> Row:
     for old in [*folder.glob("result.h5*"), folder / "run.log"]:
         old.unlink(missing_ok=True)
     arguments = [part for setting in settings for part in ("--set", setting)]
-    code, seconds = attrito(folder, "run", "job.toml", *arguments, log="run.log", limit=limit)
+    code, seconds = timed(folder, "run.log", limit, "run", "job.toml", *arguments)
     row: Row = {"exit": code, "seconds": round(seconds, 1)}
     file = "result.h5" if (folder / "result.h5").exists() else "result.h5.partial"
     points = rows_of(folder, file)
