@@ -11,8 +11,8 @@ forces at rest is 0.01 to 100 times that of alternating contact forces, were con
 12 % below to 12 % above it. CalculiX writes the matrices. Joints that a folder holds are not built again.
 
 Prints JSON, a row a joint. `balance` is what contact forces and static loads leave over on the free body at rest, part
-of the sum of normal forces. `outcome` is "arrived" if one branch led to the stop; `left_at_hz` is where a sweep left a
-branch.
+of the sum of normal forces. `outcome`: "arrived" if one branch led to the stop, "said" if the log says why each branch
+ended before, else "silent", or "out of time"; `left_at_hz`, where branches were left.
 
 `--check` solves points of the sweeps again: as listed frequencies, each begun at the sweep's neighbouring point with
 its sliders; and, beyond the place at which a sweep left its branch, from the static sliders. Errors are parts of the
@@ -27,6 +27,7 @@ import csv
 import itertools
 import json
 import os
+import re
 import resource
 import subprocess
 import sys
@@ -242,14 +243,16 @@ def measure(folder: Path, settings: list[str], limit: int) -> Row:
     row["points"], row["iterations"] = len(points), sum(int(point["iterations"]) for point in points)
     row["outcomes"] = {name: outcomes.count(name) for name in sorted(set(outcomes))}
     row["turns"] = len(rows_of(folder, file, "--bifurcations"))
-    # A sweep that leaves its branch goes on with the next number.
+    # A sweep that leaves its branch goes on with the next number, and says why in its log.
     ends = [a["frequency_hz"] for a, b in itertools.pairwise(points) if a["branch"] != b["branch"]]
     stop = read_job(str(folder / "job.toml"))["sweep"]["stop_hz"]
     at_stop = bool(points) and abs(float(points[-1]["frequency_hz"]) / stop - 1.0) < 1e-6
-    row["outcome"] = "out of time" if code < 0 else "arrived" if at_stop and code == 0 and not ends else "left"
-    ends += [points[-1]["frequency_hz"]] if points and not at_stop else []
-    row["left_at_hz"] = [float(end) for end in ends]
-    row["last"] = (folder / "run.log").read_text().splitlines()[-3:]
+    log = (folder / "run.log").read_text().splitlines()
+    row["ends"] = [line for line in log if re.search(r"branch \d+ ends at", line)]
+    arrived = at_stop and not ends and code == 0
+    said = at_stop and code == 1 and len(ends) <= len(row["ends"])
+    row["outcome"] = "out of time" if code < 0 else "arrived" if arrived else "said" if said else "silent"
+    row["left_at_hz"], row["last"] = [float(end) for end in ends], log[-3:]
     return row
 
 
