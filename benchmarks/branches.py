@@ -62,8 +62,11 @@ def solved(places: list[Place], beyond: bool) -> list[Place]:
 
 
 def beyond_fold(places: list[Place]) -> dict | None:
-    """The first point that is found after the first branch was lost."""
-    if not (found := solved(places, beyond=True)):
+    """The first point of another branch at a frequency that the first branch has not reached."""
+    way = np.sign(places[-1].point.frequency_hz - places[0].point.frequency_hz)
+    reached = max((way * place.point.frequency_hz for place in solved(places, beyond=False)), default=-np.inf)
+    found = [place for place in solved(places, beyond=True) if way * place.point.frequency_hz > reached]
+    if not found:
         return None
     return {
         "frequency_hz": found[0].point.frequency_hz,
