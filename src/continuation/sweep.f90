@@ -3,7 +3,7 @@
 !> If no step along the branch converges, if the branch ends, closes upon itself or runs back over the start, the sweep looks for
 !> another one from the static solution, at frequencies beyond those that it has reached, farther and farther away, and only at its
 !> stop at any cost. What it finds is followed back to where it ends, in silence, and from there on point by point, as a branch with
-!> a number of its own. A sweep that follows a single branch ends with it.
+!> a number of its own. A sweep that follows a single branch ends with it, one that looks for a gap at what is not solved.
 module attrito_continuation_sweep
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
@@ -40,6 +40,8 @@ module attrito_continuation_sweep
     logical :: reached_stop = .false., closed = .false.
     !> Steps along the branch
     type(stepper_type) :: stepper
+    !> Is the first frequency without a solution what it looks for? That is tried at any cost, from where the branch was lost
+    logical :: to_gap = .false.
     !> Does it follow one branch only, from the solver's point when it began, and end where that is lost?
     logical, private :: one_branch = .false.
     !> Is the solver on a branch, and what is the first point of that? Steps since then
@@ -107,6 +109,7 @@ contains
     call store%keep(self%reached_stop)
     call store%keep(self%closed)
     call self%stepper%keep(store)
+    call store%keep(self%to_gap)
     call store%keep(self%one_branch)
     call store%keep(self%on_branch)
     call self%start%keep(store)
@@ -231,6 +234,10 @@ contains
     reach = self%reach
     gap = jump
     iterations = 0
+    if (self%to_gap) then
+      call begin_at(self, solver, reach + gap*self%range%width(), at_little_cost=.false.)
+      return
+    end if
     do
       call solver%rest()
       call begin_at(self, solver, reach + gap*self%range%width(), &

@@ -202,6 +202,7 @@ contains
     real(wp), allocatable :: monitors(:, :)
 
     sweep = new_sweep(solver, from, to, 1, most_points)
+    sweep%to_gap = .true.
     do while (.not. sweep%finished .and. iterations < most_iterations)
       call sweep%advance(solver)
       iterations = iterations + solver%report%iterations
