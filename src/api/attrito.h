@@ -330,6 +330,9 @@ int attrito_linear_modes(void *handle, int kind, int count, double *natural_hz, 
 int attrito_diameter_modes(void *handle, int kind, int diameter, int count, double *natural_hz, double *damping_ratio,
     double *cosine, double *sine, int *rigid, char *message, int length);
 
+/* Leave the contacts as they are at the point that was loaded, from its sliders [contacts, width] at the start of the period. */
+void attrito_take_sliders(void *handle, const double *slider);
+
 /* Begin at the last point. */
 void attrito_enter_family(void *handle);
 

@@ -3,13 +3,25 @@
 module attrito_api_members
   use, intrinsic :: iso_c_binding
   use attrito_core_kinds, only: wp
-  use attrito_family_members, only: description_type, enter_family, leave_family, keep_member, return_to_member, &
+  use attrito_family_members, only: description_type, take_sliders, enter_family, leave_family, keep_member, return_to_member, &
                                           solve_member, solve_member_at, describe_member, differentiate_member, work_of_visits
   use attrito_api_session, only: session_type, session_of
   implicit none
   private
 
 contains
+
+  !> Leave the contacts as they are at the point that was loaded, from its sliders [contacts, width] at the start of the period.
+  subroutine attrito_take_sliders(handle, slider) bind(c)
+    !> Session, see `session_of`
+    type(c_ptr), value :: handle
+    !> Sliders at the start of the period
+    real(c_double), intent(in) :: slider(*)
+    type(session_type), pointer :: session
+
+    session => session_of(handle)
+    call take_sliders(session%solver, sliders_of(session, slider))
+  end subroutine attrito_take_sliders
 
   !> Begin at the last point.
   subroutine attrito_enter_family(handle) bind(c)
@@ -73,12 +85,9 @@ contains
     real(c_double), intent(in) :: slider(*)
     type(session_type), pointer :: session
     logical :: found
-    integer :: contacts, width
 
     session => session_of(handle)
-    contacts = size(session%contacts%law)
-    width = size(session%solver%static_slider, 1)
-    call solve_member(session%solver, reshape(slider(:width*contacts), [width, contacts]), found)
+    call solve_member(session%solver, sliders_of(session, slider), found)
     attrito_solve_member = merge(1, 0, found)
   end function attrito_solve_member
 
@@ -107,7 +116,7 @@ contains
     integer :: status
 
     session => session_of(handle)
-    call describe_member(session%solver, member, status)
+    call describe_member(session%solver, session%family, member, status)
     attrito_describe_member = status
     if (status /= 0) return
     call copy(member, force, monitors)
@@ -129,10 +138,24 @@ contains
     integer :: status
 
     session => session_of(handle)
-    call differentiate_member(session%solver, contact + 1, tangent + 1, change, status)
+    call differentiate_member(session%solver, session%family, contact + 1, tangent + 1, change, status)
     attrito_differentiate_member = status
     if (status == 0) call copy(change, force, monitors)
   end function attrito_differentiate_member
+
+  !> Sliders as C hands them over [width, contacts].
+  pure function sliders_of(session, slider) result(sliders)
+    !> Session behind a handle
+    type(session_type), intent(in) :: session
+    !> Of all contacts [contacts, width]
+    real(wp), intent(in) :: slider(*)
+    real(wp), allocatable :: sliders(:, :)
+    integer :: contacts, width
+
+    contacts = size(session%contacts%law)
+    width = size(session%solver%static_slider, 1)
+    sliders = reshape(slider(:width*contacts), [width, contacts])
+  end function sliders_of
 
   pure subroutine copy(member, force, monitors)
     !> Member, as it is described

@@ -4,7 +4,7 @@
 !>     contact by events            168 k^2                 (8 intervals of a period, Jacobian included)
 !>     contact by samples           4 k^2 J, with two tangents 12 k^2 J + 28 k J
 !>     residual                     6 k m n
-!>     linearised step              4 (a/k) a n + 2 a^3 / 3, by iterations 4 a n each
+!>     linearised step              4 (a/k) a n + 2 a^3 / 3, with factors kept 2 a^2, by iterations 4 a n each
 !>     factors of contacts that a tangent reference leaves over, u unknowns
 !>                                  4 (u/k) u n + 2 u^3 / 3
 !>
@@ -49,14 +49,18 @@ contains
   end function residual_work
 
   !> One linearised step on so many active unknowns; `iterations`: of GMRES, 0 where the system is eliminated.
-  pure real(wp) function step_work(unknowns, coefficients, coordinates, iterations)
+  pure real(wp) function step_work(unknowns, coefficients, coordinates, iterations, is_factored)
     !> Number of them, over all ranks
     integer, intent(in) :: unknowns, coefficients, coordinates, iterations
+    !> Do factors of the elimination serve that were made before?
+    logical, intent(in) :: is_factored
     real(wp) :: a
 
     a = unknowns
     if (iterations > 0) then
       step_work = 4.0_wp*a*coordinates*iterations
+    else if (is_factored) then
+      step_work = 2.0_wp*a**2
     else
       step_work = 4.0_wp*a**2/coefficients*coordinates + 2.0_wp/3.0_wp*a**3
     end if

@@ -4,7 +4,7 @@ module attrito_core_lapack
   implicit none
   private
   public :: multiply_by_transpose, transposed_product, product_with_few, subtract_product, times_vector
-  public :: solve_dense, invert, symmetric_eigenpairs
+  public :: solve_dense, factor_dense, solve_factored, invert, symmetric_eigenpairs
   public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values, null_space
 
   interface
@@ -70,6 +70,19 @@ module attrito_core_lapack
       !> Row interchanges; 0: done; else LAPACK's code
       integer, intent(out) :: ipiv(*), info
     end subroutine dgetrf
+    subroutine dgetrs(trans, n, nrhs, a, lda, ipiv, b, ldb, info)
+      import :: wp
+      !> Transposed or not
+      character, intent(in) :: trans
+      !> Rows; number of right-hand sides; leading dimension of a; row interchanges; leading dimension of b
+      integer, intent(in) :: n, nrhs, lda, ipiv(*), ldb
+      !> Factors of dgetrf
+      real(wp), intent(in) :: a(lda, *)
+      !> Right-hand sides
+      real(wp), intent(inout) :: b(ldb, *)
+      !> 0: done; else LAPACK's code
+      integer, intent(out) :: info
+    end subroutine dgetrs
     subroutine dgetri(n, a, lda, ipiv, work, lwork, info)
       import :: wp
       !> Rows, columns, or inner dimension; leading dimension of a; row interchanges; size of the workspace, -1: ask for it
@@ -295,6 +308,33 @@ contains
     allocate (pivots(size(a, 1)))
     call dgesv(size(a, 1), size(b, 2), a, size(a, 1), pivots, b, size(b, 1), info)
   end subroutine solve_dense
+
+  !> LU factors of a matrix, in place, for one right-hand side after another.
+  subroutine factor_dense(a, pivots, info)
+    !> Matrix [n, n], then its factors
+    real(wp), intent(inout), contiguous :: a(:, :)
+    !> Row interchanges [n]
+    integer, allocatable, intent(out) :: pivots(:)
+    !> 0, or the number of the zero pivot
+    integer, intent(out) :: info
+
+    info = 0
+    allocate (pivots(size(a, 1)))
+    if (size(a, 1) > 0) call dgetrf(size(a, 1), size(a, 1), a, size(a, 1), pivots, info)
+  end subroutine factor_dense
+
+  !> Solve with the factors of `factor_dense`.
+  subroutine solve_factored(a, pivots, b)
+    !> Factors [n, n]
+    real(wp), intent(in), contiguous :: a(:, :)
+    !> Row interchanges [n]
+    integer, intent(in) :: pivots(:)
+    !> Right-hand sides [n, k], then solutions
+    real(wp), intent(inout), contiguous :: b(:, :)
+    integer :: info
+
+    if (size(a, 1) > 0) call dgetrs('N', size(a, 1), size(b, 2), a, size(a, 1), pivots, b, size(b, 1), info)
+  end subroutine solve_factored
 
   !> Inverse of a matrix, in place: to be applied so often that its making, three times that of its factors, does not count.
   subroutine invert(a, info)

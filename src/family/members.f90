@@ -11,6 +11,7 @@ module attrito_family_members
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: extrema
   use attrito_newton_border, only: constraint_type
+  use attrito_newton_condensed_dense, only: elimination_type
   use attrito_newton_linearised_step, only: solve_linearised
   use attrito_newton_newton, only: newton_report_type
   use attrito_balance_unknowns, only: unknowns_type
@@ -20,7 +21,7 @@ module attrito_family_members
   use attrito_solve_solver, only: accepted_defect, solver_type
   implicit none
   private
-  public :: family_type, member_type, description_type, enter_family, leave_family, keep_member, return_to_member, solve_member, &
+  public :: family_type, member_type, description_type, take_sliders, enter_family, leave_family, keep_member, return_to_member, solve_member, &
             solve_member_at, describe_member, differentiate_member, work_of_visits
 
   !> A solved point, and the report of its solve
@@ -38,6 +39,8 @@ module attrito_family_members
     logical :: reset_slider = .false.
     !> Counted before other members were visited, which is no work of the point
     real(wp) :: work = 0.0_wp
+    !> Of the member described last
+    type(elimination_type) :: factors
   end type family_type
 
   !> A member, or how it changes, on every rank
@@ -51,6 +54,21 @@ module attrito_family_members
   end type description_type
 
 contains
+
+  !> Evaluate the contacts at the solver's point from the sliders at the start of its period: as its solution left them.
+  subroutine take_sliders(solver, slider)
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Of all contacts [width, contacts]
+    real(wp), intent(in) :: slider(:, :)
+    integer :: status
+
+    associate (balance => solver%context%balance)
+      balance%slider = slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1)
+      call balance%evaluate(solver%motion, solver%omega, status)
+    end associate
+    call solver%context%forget()
+  end subroutine take_sliders
 
   !> Keep the point just solved, before other members are visited.
   subroutine enter_family(solver, self)
@@ -179,6 +197,7 @@ contains
     real(wp), intent(in) :: moved(:, :)
     !> 0: done; else it could not be evaluated
     integer, intent(out) :: status
+    type(elimination_type) :: factors
     type(unknowns_type) :: step
     real(wp), allocatable :: deviation(:, :)
     integer :: i, t
@@ -195,14 +214,16 @@ contains
         end do
       end do
     end associate
-    call respond(solver, deviation, step, status)
+    call respond(solver, deviation, factors, step, status)
     if (status == 0) solver%motion = solver%motion + step%motion
   end subroutine predict
 
   !> Describe the solver's present member.
-  subroutine describe_member(solver, self, status)
+  subroutine describe_member(solver, family, self, status)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Family that is visited, whose factors are those of this member from now on
+    type(family_type), intent(inout) :: family
     type(description_type), intent(out) :: self
     !> 0, or not: it cannot be evaluated
     integer, intent(out) :: status
@@ -210,6 +231,7 @@ contains
     integer :: i
 
     call evaluate(solver, status)
+    family%factors%is_made = .false.
     if (status /= 0) return
     associate (balance => solver%context%balance, contacts => size(solver%contacts%law))
       allocate (self%slider(size(balance%slider, 1), contacts), self%free(contacts), source=0.0_wp)
@@ -229,9 +251,11 @@ contains
   end subroutine describe_member
 
   !> How forces and monitors change with one component of a free slider: by the force -k_t w, the member described before.
-  subroutine differentiate_member(solver, contact, tangent, self, status)
+  subroutine differentiate_member(solver, family, contact, tangent, self, status)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> Family that is visited, whose factors this makes or uses
+    type(family_type), intent(inout) :: family
     !> Among all, from 1
     integer, intent(in) :: contact, tangent
     !> Only `force` and `monitors`
@@ -248,7 +272,7 @@ contains
       deviation = 0.0_wp
       own = contact - balance%first_contact + 1
       if (own >= 1 .and. own <= size(balance%law)) deviation(1, balance%law(own)%first_row + tangent - 1) = 1.0_wp
-      call respond(solver, deviation, step, status)
+      call respond(solver, deviation, family%factors, step, status)
       if (status /= 0) return
       do i = 1, size(balance%law)
         if (.not. allocated(balance%forces(i)%jacobian)) cycle
@@ -265,11 +289,13 @@ contains
   end subroutine differentiate_member
 
   !> First-order change of the motion, at a frequency, with forces on the contacts, at the last evaluation.
-  subroutine respond(solver, deviation, step, status)
+  subroutine respond(solver, deviation, factors, step, status)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> On this rank's rows [2 H + 1, rows]
     real(wp), intent(in) :: deviation(:, :)
+    !> Of that evaluation, made if they are not
+    type(elimination_type), intent(inout) :: factors
     !> Coefficients of contact rows and the angular frequency
     type(unknowns_type), intent(out) :: step
     !> 0, or not: singular
@@ -279,7 +305,7 @@ contains
     complex(wp), allocatable :: response(:, :)
     integer :: iterations
 
-    associate (balance => solver%context%balance)
+    associate (balance => solver%context%balance, context => solver%context)
       allocate (response, mold=balance%response)
       allocate (constraint%motion, mold=balance%residual)
       constraint%motion = 0.0_wp
@@ -287,7 +313,7 @@ contains
       right = unknowns_type(balance%recover(response), 0.0_wp*balance%slider, 0.0_wp)
       step = right
       balance%work = balance%work + residual_work(balance%coefficients(), balance%rows(), size(balance%response, 1))
-      call solve_linearised(balance, constraint, right, solver%context%linear, step, iterations, status)
+      call solve_linearised(balance, constraint, right, context%linear, step, iterations, status, context%preconditioner, factors)
     end associate
   end subroutine respond
 

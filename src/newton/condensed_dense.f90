@@ -4,16 +4,25 @@
 !>   [ -p^T R_A         q - p^T b ] [ delta omega ] = [ sigma - p^T rho  ]
 !>
 !> A are the rows where D = dg/dd is not zero: a stuck contact costs nothing, one that slips without opening its tangents only; the
-!> bordered form is regular at simple folds. Ranks bring their rows; the first solves.
+!> bordered form is regular at simple folds. Ranks bring their rows; the first solves. Its factors serve further right-hand sides.
 module attrito_newton_condensed_dense
   use attrito_core_kinds, only: wp
-  use attrito_core_lapack, only: solve_dense
+  use attrito_core_lapack, only: factor_dense, solve_factored
   use attrito_newton_active_jacobian, only: change_with_omega, contact_jacobian_type, jacobian_of, places_of_rows, unknowns_of
   use attrito_newton_border, only: border_type
   use attrito_balance_harmonic_balance, only: balance_type
   implicit none
   private
-  public :: solve_by_elimination
+  public :: elimination_type, solve_by_elimination
+
+  !> LU factors of a balance's linearisation under one constraint: they hold until its next evaluation
+  type :: elimination_type
+    logical :: is_made = .false.
+    !> At the root: [n + 1, n + 1], row interchanges [n + 1], and by what the border's row and column were divided
+    real(wp), allocatable, private :: matrix(:, :)
+    integer, allocatable, private :: pivots(:)
+    real(wp), private :: row = 1.0_wp, column = 1.0_wp
+  end type elimination_type
 
   !> An active entry of D's rows
   type :: entry_type
@@ -32,7 +41,7 @@ module attrito_newton_condensed_dense
 contains
 
   !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
-  subroutine solve_by_elimination(balance, border, stiffening, rho, last, y, omega, status)
+  subroutine solve_by_elimination(balance, border, stiffening, rho, last, factors, y, omega, status)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Row and column of the constraint
@@ -41,62 +50,76 @@ contains
     real(wp), intent(in) :: stiffening
     !> Right-hand side of the balance [2 H + 1, active rows], and sigma - p^T rho
     real(wp), intent(in) :: rho(:, :), last
+    !> Of this linearisation and border if they are made, else they are made
+    type(elimination_type), intent(inout) :: factors
     !> D delta d [2 H + 1, active rows] and step of omega
     real(wp), intent(out) :: y(:, :), omega
     !> 0, or not: singular
     integer, intent(out) :: status
     type(entry_type), allocatable :: mine(:), all(:)
-    real(wp), allocatable :: transposed_rows(:, :), everyone(:, :), system(:, :), solution(:, :), bottom(:, :), row(:, :)
-    integer :: i, n
+    real(wp), allocatable :: solution(:, :), right(:, :)
+    integer :: i
 
     call list_active(balance, mine, all)
-    n = size(all)
-    call assemble_rows(balance, stiffening, mine, all, rho, transposed_rows)
-    call balance%ranks%gather_columns(transposed_rows, everyone)
-    row = 0.0_wp*rho
-    if (border%has_motion) row = border%row_at(balance%active%contact_rows)
-    call balance%ranks%gather_columns( &
-      reshape([(row(mine(i)%coefficient, mine(i)%local_row), i=1, size(mine))], [1, size(mine)]), bottom)
-    allocate (solution(n + 1, 1), source=0.0_wp)
+    call balance%ranks%gather_columns(reshape(right_side(balance, stiffening, rho, size(mine)), [1, size(mine)]), right)
     status = 0
-    if (balance%ranks%is_root()) then
-      allocate (system(n + 1, n + 1))
-      system(:n, :) = transpose(everyone(:n + 1, :))
-      solution(:n, 1) = everyone(n + 2, :)
-      system(n + 1, :) = [-bottom, border%corner]
-      solution(n + 1, 1) = last
-      call solve_equilibrated(system, solution, status)
-    end if
-    call balance%ranks%broadcast_integer(status)
+    if (.not. factors%is_made) call make_factors(balance, border, stiffening, mine, all, factors, status)
     y = 0.0_wp
     omega = 0.0_wp
     if (status /= 0) return
+    allocate (solution(size(all) + 1, 1), source=0.0_wp)
+    if (balance%ranks%is_root()) then
+      solution(:, 1) = [right, last/factors%row]
+      call solve_factored(factors%matrix, factors%pivots, solution)
+      solution(size(solution), 1) = solution(size(solution), 1)/factors%column
+    end if
     call balance%ranks%broadcast(solution(:, 1))
     i = offset_of_rank(mine, all)
     call scatter(mine, solution(i + 1:i + size(mine), 1), y)
-    omega = solution(n + 1, 1)
+    omega = solution(size(solution), 1)
   end subroutine solve_by_elimination
 
-  !> Solve with the border, whose units are its own, of the size of the rest: pivots do not depend on the units of length and time.
-  subroutine solve_equilibrated(system, solution, status)
-    !> [n + 1, n + 1], destroyed
-    real(wp), intent(inout), contiguous :: system(:, :)
-    !> Right-hand side, then solution [n + 1, 1]
-    real(wp), intent(inout), contiguous :: solution(:, :)
-    !> 0: done; else it could not be evaluated
+  !> Form the system and factor it, with the border, whose units are its own, of the size of the rest: pivots do not depend on the
+  !> units of length and time.
+  subroutine make_factors(balance, border, stiffening, mine, all, factors, status)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    !> Row and column of the constraint
+    type(border_type), intent(in) :: border
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
+    !> Active entries of this rank; active entries of all ranks
+    type(entry_type), intent(in) :: mine(:), all(:)
+    type(elimination_type), intent(inout) :: factors
+    !> 0, or not: singular
     integer, intent(out) :: status
-    real(wp) :: column, row
-    integer :: n
+    real(wp), allocatable :: transposed_rows(:, :), everyone(:, :), bottom(:, :), row(:, :)
+    integer :: i, n
 
-    n = size(system, 1) - 1
-    column = largest_or_one(system(:n, n + 1))
-    system(:, n + 1) = system(:, n + 1)/column
-    row = largest_or_one(system(n + 1, :))
-    system(n + 1, :) = system(n + 1, :)/row
-    solution(n + 1, 1) = solution(n + 1, 1)/row
-    call solve_dense(system, solution, status)
-    solution(n + 1, 1) = solution(n + 1, 1)/column
-  end subroutine solve_equilibrated
+    n = size(all)
+    call assemble_rows(balance, stiffening, mine, all, transposed_rows)
+    call balance%ranks%gather_columns(transposed_rows, everyone)
+    allocate (row(balance%coefficients(), balance%active%count), source=0.0_wp)
+    if (border%has_motion) row = border%row_at(balance%active%contact_rows)
+    call balance%ranks%gather_columns( &
+      reshape([(row(mine(i)%coefficient, mine(i)%local_row), i=1, size(mine))], [1, size(mine)]), bottom)
+    status = 0
+    if (balance%ranks%is_root()) then
+      if (allocated(factors%matrix)) deallocate (factors%matrix)
+      allocate (factors%matrix(n + 1, n + 1))
+      associate (system => factors%matrix)
+        system(:n, :) = transpose(everyone)
+        system(n + 1, :) = [-bottom, border%corner]
+        factors%column = largest_or_one(system(:n, n + 1))
+        system(:, n + 1) = system(:, n + 1)/factors%column
+        factors%row = largest_or_one(system(n + 1, :))
+        system(n + 1, :) = system(n + 1, :)/factors%row
+      end associate
+      call factor_dense(factors%matrix, factors%pivots, status)
+    end if
+    call balance%ranks%broadcast_integer(status)
+    factors%is_made = status == 0
+  end subroutine make_factors
 
   !> Largest size of any number, or 1 if there is none above zero.
   pure real(wp) function largest_or_one(numbers) result(largest)
@@ -139,16 +162,38 @@ contains
     end do
   end subroutine list_active
 
-  !> This rank's rows of the dense system, as columns: [n + 2, mine], the last two being (D b) and (D rho).
-  subroutine assemble_rows(balance, stiffening, mine, all, rho, transposed_rows)
+  !> This rank's part of D rho [mine].
+  function right_side(balance, stiffening, rho, mine) result(right)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
+    !> Right-hand side over contact rows
+    real(wp), intent(in) :: rho(:, :)
+    !> Number of active entries of this rank
+    integer, intent(in) :: mine
+    real(wp) :: right(mine)
+    type(contact_jacobian_type) :: jacobian
+    integer :: contact, above
+
+    above = 0
+    do contact = 1, size(balance%active%contacts)
+      jacobian = jacobian_of(balance, contact, stiffening)
+      associate (first => balance%active%first(contact), own => balance%active%rows(contact), count => size(jacobian%rows))
+        right(above + 1:above + count) = matmul(jacobian%values, reshape(rho(:, first:first + own - 1), [size(rho, 1)*own]))
+        above = above + count
+      end associate
+    end do
+  end function right_side
+
+  !> This rank's rows of the dense system, as columns: [n + 1, mine], the last one being D b.
+  subroutine assemble_rows(balance, stiffening, mine, all, transposed_rows)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Part of their springs that contacts keep
     real(wp), intent(in) :: stiffening
     !> Active entries of this rank; active entries of all ranks
     type(entry_type), intent(in) :: mine(:), all(:)
-    !> Right-hand side over contact rows
-    real(wp), intent(in) :: rho(:, :)
     !> Rows of this rank, as columns
     real(wp), allocatable, intent(out) :: transposed_rows(:, :)
     type(block_type), allocatable :: blocks(:)
@@ -158,7 +203,7 @@ contains
 
     n = size(all)
     k = balance%coefficients()
-    allocate (transposed_rows(n + 2, size(mine)))
+    allocate (transposed_rows(n + 1, size(mine)))
     call receptance_blocks(balance, all, blocks)
     by_omega = change_with_omega(balance)
     column = 0
@@ -168,7 +213,6 @@ contains
       associate (first => balance%active%first(contact), own => balance%active%rows(contact), count => size(jacobian%rows))
         call receptance_to(blocks, all, first - 1, own, k, receptance)
         receptance(:, n + 1) = reshape(by_omega(:, first:first + own - 1), [k*own])
-        receptance(:, n + 2) = reshape(rho(:, first:first + own - 1), [k*own])
         rows = matmul(jacobian%values, receptance)
         do i = 1, count
           rows(i, offset + column + i) = rows(i, offset + column + i) + 1.0_wp
@@ -214,7 +258,7 @@ contains
     end do
   end function offset_of_rank
 
-  !> Real receptance from the active entries to all coefficients of a contact's rows [k rows, n + 2]; the last two columns are free.
+  !> Real receptance from the active entries to all coefficients of a contact's rows [k rows, n + 1]; the last column is free.
   pure subroutine receptance_to(blocks, all, above, rows, k, receptance)
     !> Inverse of the Jacobian's block of each contact
     type(block_type), intent(in) :: blocks(0:)
@@ -226,7 +270,7 @@ contains
     real(wp), allocatable, intent(out) :: receptance(:, :)
     integer :: h, i, row, mean_or_cosine, sine
 
-    allocate (receptance(k*rows, size(all) + 2), source=0.0_wp)
+    allocate (receptance(k*rows, size(all) + 1), source=0.0_wp)
     do h = 0, ubound(blocks, 1)
       do i = 1, size(blocks(h)%columns)
         associate (column => blocks(h)%columns(i))

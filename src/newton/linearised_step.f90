@@ -12,7 +12,7 @@ module attrito_newton_linearised_step
   use attrito_contact_forces, only: released
   use attrito_newton_active_jacobian, only: unknowns_of
   use attrito_newton_border, only: constraint_type, border_type, new_border, inner_product
-  use attrito_newton_condensed_dense, only: solve_by_elimination
+  use attrito_newton_condensed_dense, only: elimination_type, solve_by_elimination
   use attrito_newton_condensed_krylov, only: krylov_options_type, solve_by_krylov
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_preconditioners, only: preconditioners_type
@@ -44,7 +44,7 @@ contains
   end function stiffened
 
   !> Solve for the step; the balance holds the Jacobian of its last evaluation.
-  subroutine solve_linearised(balance, constraint, right, options, step, iterations, status, kept)
+  subroutine solve_linearised(balance, constraint, right, options, step, iterations, status, kept, factors)
     !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
     !> Linear condition on motion and frequency that closes the system
@@ -61,11 +61,15 @@ contains
     integer, intent(out) :: status
     !> Of GMRES, if they are to serve more than one step
     type(preconditioners_type), optional, intent(inout) :: kept
+    !> Of elimination, if they are to serve more than one step of this evaluation and constraint
+    type(elimination_type), optional, intent(inout) :: factors
     type(border_type) :: border
     type(preconditioners_type) :: own
+    type(elimination_type) :: own_factors
     real(wp), allocatable :: rho(:, :), y(:, :)
     complex(wp), allocatable :: response(:, :), to_y(:, :)
     real(wp) :: last
+    logical :: is_factored
     integer :: active
 
     iterations = 0
@@ -77,14 +81,19 @@ contains
     if (border%has_motion) last = last - inner_product(balance, constraint%motion, right%motion)
     allocate (y, mold=rho)
     active = active_unknowns(balance)
-    if (active <= options%dense_limit) then
-      call solve_by_elimination(balance, border, options%stiffening, rho, last, y, step%omega, status)
+    is_factored = .false.
+    if (active <= options%dense_limit .and. present(factors)) then
+      is_factored = factors%is_made
+      call solve_by_elimination(balance, border, options%stiffening, rho, last, factors, y, step%omega, status)
+    else if (active <= options%dense_limit) then
+      call solve_by_elimination(balance, border, options%stiffening, rho, last, own_factors, y, step%omega, status)
     else if (present(kept)) then
       call solve_by_krylov(balance, border, options%stiffening, rho, last, options%krylov, kept, y, step%omega, iterations, status)
     else
       call solve_by_krylov(balance, border, options%stiffening, rho, last, options%krylov, own, y, step%omega, iterations, status)
     end if
-    balance%work = balance%work + step_work(active, size(rho, 1), size(response, 1), iterations)/balance%ranks%ranks
+    balance%work = balance%work &
+                   + step_work(active, size(rho, 1), size(response, 1), iterations, is_factored)/balance%ranks%ranks
     if (status /= 0) return
     call balance%respond_to_active(y, to_y)
     step%motion = right%motion + balance%recover(response + to_y + step%omega*balance%response_omega)

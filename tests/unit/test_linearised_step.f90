@@ -5,6 +5,7 @@ program test_linearised_step
   use attrito_core_lapack, only: solve_dense
   use attrito_model_structure, only: damping_viscous, damping_ratio
   use attrito_newton_border, only: constraint_type
+  use attrito_newton_condensed_dense, only: elimination_type
   use attrito_newton_condensed_krylov, only: krylov_options_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
@@ -32,6 +33,7 @@ program test_linearised_step
                       test('the preconditioner of all modes is the inverse', exact_preconditioner), &
                       test('a preconditioner kept from another motion leaves the step what it is', kept_preconditioner), &
                       test('a preconditioner that costs more iterations than to make it is made anew', worn_preconditioner), &
+                      test('factors kept serve another right-hand side, and count as less work', kept_factors), &
                       test('by GMRES the step takes the same iterations whatever the unit of force', any_unit), &
                       test('what GMRES does not finish makes its preconditioner void', unfinished), &
                       test('with every contact stuck the step is the residual itself', all_stuck), &
@@ -140,6 +142,33 @@ contains
     call compare(error, balance, motion)
     call balance%destroy()
   end subroutine periodic_sliders
+
+  !> The same elimination on the same numbers: only their order differs, within rounding times the condition, some 1e2.
+  subroutine kept_factors(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(elimination_type) :: factors
+    type(constraint_type) :: constraint
+    type(unknowns_type) :: right, fresh, step
+    real(wp) :: motion(k, rows), work(0:2)
+    integer :: i, iterations, status
+
+    call prepare(0.0_wp, balance, motion)
+    constraint = random_constraint()
+    do i = 1, 2
+      right = random_right(balance)
+      fresh = right
+      step = right
+      call solve_linearised(balance, constraint, right, linear_options_type(), fresh, iterations, status)
+      work(0) = balance%work
+      call solve_linearised(balance, constraint, right, linear_options_type(), step, iterations, status, factors=factors)
+      work(i) = balance%work - work(0)
+      call check(error, status == 0 .and. factors%is_made, 'factors are made and kept')
+      call check_close(error, packed(step), packed(fresh), 1.0e-12_wp*maxval(abs(packed(fresh))), 'step')
+    end do
+    call check(error, work(2) < 0.5_wp*work(1), 'factors that are there cost nothing')
+    call balance%destroy()
+  end subroutine kept_factors
 
   !> GMRES to a tight tolerance against elimination.
   subroutine by_krylov(error)

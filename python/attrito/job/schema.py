@@ -215,8 +215,10 @@ TABLES: dict[str, dict[str, Key]] = {
         "bounds": Key(
             choice("auto", "sampled", "none"),
             "auto",
-            "of points that are not unique: exact where they can be, else sampled for at most as long as the point"
-            " took, by counted work (`not_examined` where that does not suffice); sampled whatever they cost; or none",
+            "of points that are not unique: exact where they can be, else sampled at each level from the highest point"
+            " down, within a tenth of the work of all points, counted and not timed (`not_examined` beyond it); the"
+            ' highest point of each level always. `"sampled"`: of all points, whatever they cost; `"none"`: no bounds,'
+            " and no time spent on them ([method.md](method.md#points-that-are-not-unique))",
         ),
     },
     "balance": {

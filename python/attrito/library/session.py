@@ -369,6 +369,14 @@ class Solver:
         numbers = np.ascontiguousarray(numbers)
         return bool(self._library.attrito_load_state(self._handle, len(numbers), pointer(numbers)))
 
+    def take_sliders(self, slider: np.ndarray, coefficients: int) -> None:
+        """Leave the contacts as they are at the point that was loaded, a row of which has so many coefficients.
+
+        `slider`: at the start of its period, `[nc, width]`.
+        """
+        self.coefficients = coefficients
+        self.call("attrito_take_sliders", pointer(np.ascontiguousarray(slider, dtype=float)))
+
     def work_of_visits(self) -> float:
         """Floating-point operations since other members were begun to be visited; see `attrito.library.family`."""
         operations: float = self._library.attrito_family_work(self._handle)

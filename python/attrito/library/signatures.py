@@ -87,6 +87,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_begin_branch": (None, (HANDLE, c_double, c_double, c_int, c_int, c_int)),
     "attrito_start_from_motion": (c_int, (HANDLE, c_int, Doubles, Doubles, c_double, c_double)),
     # Members of a family
+    "attrito_take_sliders": (None, (HANDLE, Doubles)),
     "attrito_enter_family": (None, (HANDLE,)),
     "attrito_leave_family": (None, (HANDLE,)),
     "attrito_family_work": (c_double, (HANDLE,)),

@@ -190,8 +190,13 @@ def uniqueness(page: Page, view: View) -> None:
         kinds = Counter(names[index] for index in view.result.array("/points/bounds") if 0 <= index < len(names))
         page.text(
             f"Intervals: {kinds['exact']} points exact, {kinds['sampled']} sampled (attained; the true ones may be"
-            f" wider), {kinds['none']} not known."
+            f" wider), {kinds['not_examined']} not examined or not to their end, {kinds['none']} not known."
         )
+        if kinds["not_examined"]:
+            page.text(
+                'By default intervals may take a tenth of the work of the points. [static] bounds = "sampled" examines'
+                ' all points at any cost, "none" spends no time on them.'
+            )
     widths = view.amplitude_widths()
     if np.isfinite(widths).any() and np.nanmax(widths) > 0:
         most = int(np.nanargmax(widths))

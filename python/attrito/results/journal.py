@@ -50,6 +50,11 @@ class Record:
     series: dict[str, Series] = field(default_factory=dict)
 
 
+def is_point(record: Record) -> bool:
+    """Whether a record is of a point (or holds for the run); else it is what was found later of an earlier one."""
+    return "found_of" not in record.note
+
+
 class Journal:
     """A journal open for writing, by one process alone.
 
@@ -78,8 +83,9 @@ class Journal:
         if not keep:
             self._write(MAGIC)
 
-    def append(self, record: Record) -> None:
-        """Write a record and wait until it is on disk; what cannot be written whole is taken back."""
+    def append(self, record: Record) -> int:
+        """Write a record and wait until it is on disk, and say where; what cannot be written whole is taken back."""
+        start = self._end
         arrays = {name: _plain(values) for name, values in record.arrays.items()}
         header = json.dumps(
             {
@@ -91,6 +97,7 @@ class Journal:
         payload = b"".join(values.tobytes() for values in arrays.values())
         checksum = zlib.crc32(payload, zlib.crc32(header))
         self._write(_HEAD.pack(_MARK, len(header), len(payload), checksum) + header + payload)
+        return start
 
     def _write(self, data: bytes) -> None:
         rest = memoryview(data)
@@ -172,6 +179,16 @@ def read_journal(path: str) -> Iterator[tuple[Record, int]]:
         while (record := _read_record(file, size - end)) is not None:
             end = file.tell()
             yield record, end
+
+
+def read_record(path: str, start: int) -> Record:
+    """The record that begins after so many bytes."""
+    with open(path, "rb") as file:
+        file.seek(start)
+        record = _read_record(file, Path(path).stat().st_size - start)
+    if record is None:
+        raise InputError(Fault(path, "file", "spoilt", "what this run has written"))
+    return record
 
 
 def _read_record(file: BinaryIO, room: int) -> Record | None:

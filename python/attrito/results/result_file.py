@@ -15,7 +15,7 @@ import numpy as np
 
 from attrito.library.series import Series
 from attrito.results.bifurcations import Bifurcation, added, narrowest_fold, of_rows, write_bifurcations
-from attrito.results.journal import Record, read_journal
+from attrito.results.journal import Record, is_point, read_journal
 from attrito.results.stability_part import write_stability
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_writing import described
@@ -89,7 +89,7 @@ class _Survey:
 
 def _survey(journal: str) -> _Survey:
     """Read a journal once."""
-    records = (record for record, _ in read_journal(journal))
+    records = (record for record, _ in read_journal(journal) if is_point(record))
     first = next(records, None)
     if first is None or "attributes" not in first.note:
         raise InputError(Fault(journal, "file", "empty", "what an `attrito run` left that had begun to solve"))
@@ -106,9 +106,9 @@ def _monitors(first: Record) -> list[str]:
 
 def _fill(file: h5py.File, series: Iterable[str], journal: str, points: int) -> None:
     """The entries of so many points, some at a time; a run that goes on may have added more since they were counted."""
-    records = (record for record, _ in islice(read_journal(journal), 1, points + 1))
+    records = (record for record, _ in read_journal(journal) if is_point(record))
     start, block, size = 0, [], 0
-    for record in records:
+    for record in islice(records, 1, points + 1):
         block.append(record)
         size += sum(record.arrays[name].nbytes for name in series)
         if size >= BLOCK:

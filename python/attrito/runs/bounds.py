@@ -18,34 +18,22 @@ docs/method.md, "Points that are not unique".
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
-from typing import TYPE_CHECKING
 
 import h5py
 import numpy as np
 
-from attrito.library.family import Family
 from attrito.library.kernels import extrema
-from attrito.library.laws import are_coulomb, cone_coefficients
-from attrito.library.points import Point
+from attrito.library.laws import cone_coefficients
 from attrito.library.reduced_scene import ReducedScene, all_alike
-from attrito.library.session import Options, Solver
-from attrito.runs.bounds_by_members import Hull, Search
+from attrito.runs.bounds_by_members import Hull
+from attrito.runs.bounds_of_levels import HOLDING, Sampler
 from attrito.runs.linear_family import IMMOBILE
-from attrito.support.errors import NumericsError
 from attrito.support.hdf5_writing import described
 from attrito.support.linear_programs import DualSimplex
 
-if TYPE_CHECKING:
-    from mpi4py.MPI import Comm
-
-EXAMINED = ("stuck", "shaken_down")
 SOLVED = ("converged", "unstable", "indeterminate", "above_tolerance")
-VISITED = ("converged", "unstable", "above_tolerance")
 # How the bounds of a point came about, by number.
 KINDS = ("none", "exact", "sampled", "not_examined")
-# More contacts than this would cost more than the solve by linear programs.
-MOST_CONTACTS = 120
 # Of the forces: what residual (1e-10), extrema and linear programs leave, with a margin of two orders.
 SINGLE_VALUED = 1e-8
 ROUNDING = 1e-12
@@ -53,102 +41,6 @@ ROUNDING = 1e-12
 FREE = 1e-9
 FELT = 1e-6
 DIRECTIONS = ("t1", "t2", "n")
-
-
-class Sampler:
-    """Visits the families of points as they are solved, and keeps what it found at the root.
-
-    With "auto" a point's visits end once they have taken as long, by counted work, as the point (`/points/work`). Where
-    that is too little for any, one other member is visited at points higher than all before of their level.
-
-    Parameters
-    ----------
-    comm, solver, scene, options : what solves, and what is solved
-    bounds : "auto", "sampled" or "none", as in the job
-    interrupted : says why to stop between two visits, or nothing; collective
-
-    Attributes
-    ----------
-    programs : whether linear programs give the bounds of points at which every contact sticks
-    gives_up : whether such points have too many contacts for that, or contacts without friction cones
-    hulls : what was found, by number of the point
-    """
-
-    def __init__(
-        self,
-        comm: Comm,
-        solver: Solver,
-        scene: ReducedScene,
-        options: Options,
-        bounds: str,
-        interrupted: Callable[[], str] | None = None,
-    ):
-        tangents = scene.laws["tangents"]
-        single = bool(np.all(tangents == 1))
-        cones = are_coulomb(scene.laws)
-        self.programs = bounds == "auto" and len(tangents) <= MOST_CONTACTS and single and cones
-        self.gives_up = bounds == "auto" and len(tangents) > MOST_CONTACTS and single
-        self.lacks_cones = bounds == "auto" and not cones
-        self.hulls: dict[int, Hull] = {}
-        self._solver, self._limited = solver, bounds == "auto"
-        self._samples = not options.uncoupled and bounds != "none" and cones
-        self._search = Search(scene.laws)
-        self._family = Family(comm, solver, len(tangents), len(scene.monitors), interrupted)
-        self._points, self._work = 0, 0.0
-        # By level, the largest amplitude of the first monitor at a point that is not unique
-        self._highest: dict[float, float] = {}
-
-    def visit(self, point: Point) -> None:
-        """The solver stands at the next point, and does so again afterwards. Collective.
-
-        Raises
-        ------
-        NumericsError : the run was stopped meanwhile; the point is not to be kept
-        """
-        place = self._points
-        self._points += 1
-        own_work = point.work - max(self._work, self._solver.static_work)
-        self._work = point.work
-        slips = sum(point.states[len(EXAMINED) :]) > 0
-        if (
-            not self._samples
-            or point.unique
-            or point.outcome not in VISITED
-            or ((self.programs or self.gives_up) and not slips)
-        ):
-            return
-        error = point.errors[0] + point.errors[1]
-        height = float(point.amplitude[0]) if len(point.amplitude) else 0.0
-        is_highest = slips and height > self._highest.get(point.level, 0.0)
-        if is_highest:
-            self._highest[point.level] = height
-        work = own_work if self._limited else np.inf
-        hull = self._family.visit(lambda family: self._search(family, work, error, is_highest))
-        if self._family.stopped:
-            raise NumericsError(f"stopped by {self._family.stopped}")
-        if hull is not None:
-            self.hulls[place] = hull
-
-    def save_state(self) -> dict[str, np.ndarray]:
-        """What was found of the last point, at the root."""
-        hull = self.hulls.get(self._points - 1)
-        highest = np.array(list(self._highest.items())).reshape(-1, 2)
-        found = {} if hull is None else {f"hull/{name}": np.asarray(value) for name, value in vars(hull).items()}
-        return found | {"hull/highest": highest}
-
-    def load_state(self, found: dict[str, np.ndarray]) -> None:
-        """Go on after a point of which `save_state` returned this."""
-        if "hull/force" in found:
-            sides = {name: found[f"hull/{name}"] for name in ("force", "mean", "amplitude", "visited")}
-            self.hulls[self._points] = Hull(
-                **sides,
-                members=int(found["hull/members"]),
-                accuracy=float(found["hull/accuracy"]),
-                complete=bool(found["hull/complete"]),
-            )
-        self._highest = dict(found["hull/highest"].tolist())
-        self._work = float(found["/points/work"])
-        self._points += 1
 
 
 def write_bounds(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> None:
@@ -170,6 +62,7 @@ def write_bounds(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> None
         kinds[_families(file)] = KINDS.index("not_examined")
     if sampler.lacks_cones:
         kinds[file["/points/unique"][:] == 0] = KINDS.index("not_examined")
+    kinds[sampler.omitted] = KINDS.index("not_examined")
     for point, hull in sampler.hulls.items():
         _write_sampled(file, scene, point, hull)
         kinds[point] = KINDS.index("sampled" if hull.complete else "not_examined")
@@ -185,7 +78,7 @@ def _write_change(file: h5py.File, scene: ReducedScene, sampler: Sampler) -> Non
     """
     unique = file["/points/unique"][:]
     states = list(np.char.strip(_names(file["/contacts/state"])))
-    sticks = np.isin(file["/contacts/state"][:], [states.index(name) for name in EXAMINED]).all(axis=1)
+    sticks = np.isin(file["/contacts/state"][:], [states.index(name) for name in HOLDING]).all(axis=1)
     change = np.where((unique == 1) | ((unique == 0) & sticks), 0.0, np.nan)
     for point, hull in sampler.hulls.items():
         own = np.array([file[f"/monitors/{name}/amplitude"][point] for name in scene.monitor_names])
@@ -294,7 +187,7 @@ def _families(file: h5py.File) -> np.ndarray:
         return np.empty(0, dtype=int)
     outcomes, states = (list(np.char.strip(_names(file[name]))) for name in ("/points/outcome", "/contacts/state"))
     solved = np.isin(file["/points/outcome"][:], [outcomes.index(name) for name in SOLVED])
-    sticks = np.isin(file["/contacts/state"][:], [states.index(name) for name in EXAMINED]).all(axis=1)
+    sticks = np.isin(file["/contacts/state"][:], [states.index(name) for name in HOLDING]).all(axis=1)
     return np.flatnonzero(solved & sticks & (file["/points/unique"][:] == 0))
 
 

@@ -9,7 +9,8 @@ are never too wide. They are too narrow where the family bends so much that the 
 A search may have a budget of work, counted in floating-point operations by formulas and never in seconds, so that it
 ends at the same member on every machine, after a restart, and on any number of ranks. An operation of a visit or of a
 linear program counts as many of the solver's as take as long. What the rest of the budget will hardly pay, a linear
-model or the bounds of all contacts, is not begun. Quantities whose search was cut off have no bounds.
+model or the bounds of all contacts, is not begun. Quantities whose search was cut off have no bounds; one other member
+is visited all the same.
 
 The members are those of a truncated balance. Its estimated error e, a part of the forces, widens every bound; and where
 a free contact has less room between its limits than that,
@@ -39,6 +40,8 @@ LAST = 1e-6
 MOST_STEPS = 12
 MOST_HALVINGS = 6
 MOST_RELEASES = 3
+# Part of a release that is tried where the whole one fails: failures take as long as many members.
+RELEASED = 0.25
 # Time of an operation of visits and of linear programs, in those of a point's solve: measured on the damper of 42
 # contacts and 285 dofs, 11 and 1.9 against 30 Gflop/s.
 VISITS, PROGRAMS = 3.0, 16.0
@@ -80,10 +83,10 @@ class Ended(Exception):  # noqa: N818
 
 
 class _Budget:
-    """What the search of one point may still do: `work` operations of the solver's, or what takes as long."""
+    """What the search of one point may still do: `most` operations of the solver's, or what takes as long."""
 
-    def __init__(self, family: Family, work: float):
-        self._family, self._work, self._programs = family, work, 0.0
+    def __init__(self, family: Family, most: float):
+        self._family, self.most, self._programs = family, most, 0.0
         self._before = family.work()
 
     def farthest(self, model: LinearFamily, gradient: np.ndarray) -> tuple[np.ndarray, bool]:
@@ -95,7 +98,7 @@ class _Budget:
 
     def check(self, ahead: float = 0.0) -> None:
         """Raise Ended where nothing is left, or not the work ahead, or the run is to stop."""
-        if self._family.is_interrupted() or self.spent() + ahead > self._work:
+        if self._family.is_interrupted() or self.spent() + ahead > self.most:
             raise Ended
 
     def afforded(self, items: Sequence[T], again: int = 0) -> Iterator[T]:
@@ -136,18 +139,19 @@ class Search:
     def __init__(self, laws: dict[str, np.ndarray]):
         self._laws = laws
 
-    def __call__(self, family: Family, work: float = np.inf, error: float = 0.0, releases: bool = False) -> Hull | None:
+    def __call__(self, family: Family, work: float = np.inf, error: float = 0.0) -> Hull | None:
         """Visit members; None where the point itself cannot be described. The family ends where it began.
 
-        `work`: operations of the solver after which the search ends, whatever it has found. `error`: of the balance,
-        estimated, a part of the motion; NaN: not known. `releases`: of a search that ends before it has visited any
-        member, one is visited all the same.
+        `work`: operations of the solver after which the search ends, whatever it has found; where that is before any
+        other member was visited, one is all the same. `error`: of the balance, estimated, a part of the motion; NaN:
+        not known.
         """
+        budget = _Budget(family, work)
         shown = family.describe()
         if shown is None:
             return None
         family.keep(SHOWN)
-        hull, budget = _Extremes(values_of(shown)), _Budget(family, work)
+        hull = _Extremes(values_of(shown))
         ended = np.full(len(hull.lowest), False)
         try:
             if not least_room(shown, self._laws) >= error * scale_of(shown):
@@ -165,8 +169,9 @@ class Search:
                     ended[quantity] = True
         except Ended:
             family.go_back(SHOWN)
-            if releases and hull.count == 1 and not family.is_interrupted():
-                self._release(family, shown, hull)
+            # Where all contacts hold, amplitudes are the same in all members.
+            if hull.count == 1 and not shown.free.all() and not family.is_interrupted():
+                self._release(family, shown, hull, budget)
         count, monitors = len(shown.force), len(shown.monitors)
         both = np.where(ended, [hull.lowest, hull.highest], np.nan)
         both += np.array([[-1.0], [1.0]]) * _errors(shown, error)
@@ -176,15 +181,18 @@ class Search:
         visited = np.array([hull.lowest, hull.highest])[:, 3 * count + monitors :]
         return Hull(*found, hull.count, accuracy, bool(ended.all()), budget.spent(), visited)
 
-    def _release(self, family: Family, shown: Member, hull: _Extremes) -> None:
+    def _release(self, family: Family, shown: Member, hull: _Extremes, budget: _Budget) -> None:
         """Visit the member whose free contacts have as little mean tangential force as they reach.
 
-        T = kt (u - w): a slider moved by T_0 / kt would leave none if nothing else moved.
+        T = kt (u - w): a slider moved by T_0 / kt would leave none if nothing else moved. Where the solver does not
+        follow, a part of that is tried, and less as long as the budget lasts.
         """
         rest = shown.force[:, :2, 0] / self._laws["tangential_stiffness"][:, None]
         rest[~shown.free.astype(bool)] = 0.0
         part = 1.0
-        for _ in range(MOST_RELEASES):
+        for tries in range(MOST_RELEASES):
+            if tries > 1 and budget.spent() > budget.most:
+                return
             slider = shown.slider.copy()
             slider[:, :2] += part * rest
             if family.move(slider):
@@ -193,7 +201,7 @@ class Search:
                     hull.add(values_of(member))
                 family.go_back(SHOWN)
                 return
-            part *= 0.5
+            part *= RELEASED
 
     def _climb(
         self, family: Family, model: LinearFamily, quantity: int, side: float, hull: _Extremes, budget: _Budget
@@ -264,10 +272,14 @@ class Search:
         return LinearFamily(member, moves, changes, self._laws)
 
 
-def _groups(shown: Member) -> tuple[range, range]:
-    """Quantities of `values_of` in the order in which they are sought: monitors, which are asked for by name, first."""
+def _groups(shown: Member) -> list[list[int]]:
+    """Quantities of `values_of` in the order in which they are sought.
+
+    The first monitor's amplitude, by which points are high; then all that is asked for by name; then forces.
+    """
     forces, monitors = shown.force[:, :, 0].size, len(shown.monitors)
-    return range(forces, forces + 2 * monitors), range(forces)
+    first = [forces + monitors] if monitors else []
+    return [first, [i for i in range(forces, forces + 2 * monitors) if i not in first], list(range(forces))]
 
 
 def _errors(shown: Member, error: float) -> np.ndarray:

@@ -171,13 +171,15 @@ class Progress:
             return ""
         return in_time((now - begun) * (1.0 - done) / (done - before))
 
-    def end(self, result: str, stages: Stages, place: RunPosition) -> None:
-        """Where the result is, and what it took. Collective."""
+    def end(self, result: str, stages: Stages, place: RunPosition, bounds: str) -> None:
+        """Where the result is, and what it took; `bounds` says it of bounds, if of anything. Collective."""
         megabytes = stages.peak_megabytes()
         ways = ", ".join(f"{count} {name}" for name, count in place.outcomes.items())
         self.say(f"{place.points} points ({ways}) in {stages.total:.1f} s: {result}")
         each = ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in stages.seconds.items() if seconds >= 0.05)
         self.say(f"seconds: {each or 'none'}; {self.iterations} iterations of Newton's method")
+        if bounds:
+            self.say(bounds)
         held = f"{max(megabytes):.0f} MB on the largest of {len(megabytes)} ranks, {sum(megabytes):.0f} MB in all"
         self.say("memory: " + (held if len(megabytes) > 1 else f"{megabytes[0]:.0f} MB"))
 

@@ -22,7 +22,7 @@ from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.library.session import Solver
-from attrito.results.journal import Journal, Record, read_journal
+from attrito.results.journal import Journal, Record, is_point, read_journal, read_record
 from attrito.runs.position import RunPosition
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import UNREADABLE, spoilt
@@ -63,6 +63,8 @@ class Recorder:
         self._comm, self._solver, self._path, self._followers = comm, solver, path, followers
         self._journal: Journal | None = None
         self.written = 0
+        # Where the record of each point begins; at the root
+        self._starts: list[int] = []
         self._known: set[str] = set()
         self._told: dict[str, np.ndarray] = {}
         self._new: dict[str, Series] = {}
@@ -94,11 +96,7 @@ class Recorder:
             record = next(records)
             if i not in known and i + 1 < len(notes):
                 continue
-            states = None
-            if self._comm.rank == 0:
-                states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
-            if not self._solver.load_state(self._comm.scatter(states)):
-                raise InputError(Fault(self._path, "state", "of another version", f"what attrito {__version__} wrote"))
+            self._load(record)
             if search is not None and i in known:
                 search.keep(SimpleNamespace(**note["point"]), note["place"]["taken"] == 1)
         return place
@@ -117,7 +115,29 @@ class Recorder:
         """The points of the journal at the root, nothing elsewhere."""
         if self._comm.rank != 0:
             yield from repeat(None)
-        yield from (record for record, _ in islice(read_journal(self._path), 1, None))
+        yield from (read_record(self._path, start) for start in self._starts)
+
+    def _load(self, record: Record | None) -> None:
+        """Let the solver stand at the point of a record, which the root has."""
+        states = None
+        if record is not None:
+            states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
+        if not self._solver.load_state(self._comm.scatter(states)):
+            raise InputError(Fault(self._path, "state", "of another version", f"what attrito {__version__} wrote"))
+
+    def return_to(self, number: int) -> None:
+        """Let the solver stand at a point that is written, by its number, as its solution left the contacts."""
+        record = read_record(self._path, self._starts[number]) if self._comm.rank == 0 else None
+        self._load(record)
+        taken = None
+        if record is not None:
+            taken = record.arrays["/contacts/slider"], record.arrays["/contacts/force"].shape[-1]
+        self._solver.take_sliders(*self._comm.bcast(taken))
+
+    def add_found(self, follower: Follower, number: int, found: dict[str, np.ndarray]) -> None:
+        """Put on disk what a follower found of a point that is written; its `load_state` understands it. Collective."""
+        note = {"found_of": number, "follower": self._followers.index(follower)}
+        on_root(self._comm, lambda: self._journal.append(Record(note, found)))
 
     def hear(self) -> None:
         """Take down the point that the solver stands at, before anything moves it."""
@@ -153,7 +173,7 @@ class Recorder:
         main = {name: getattr(point, name) for name in ("level", "branch", "frequency_hz", "outcome")}
         sums = [_sum_of(numbers) for numbers in states]
         note = {"place": asdict(place), "point": main, "states": sums}
-        self._journal.append(Record(note, self._told | found | kept, self._new))
+        self._starts.append(self._journal.append(Record(note, self._told | found | kept, self._new)))
         self._known |= set(self._new)
 
     def _open(self, keep: int, first: Record | None = None) -> None:
@@ -162,28 +182,34 @@ class Recorder:
             self._journal.append(first)
 
     def _reopen(self, job_file: str, first: Record) -> list[dict]:
-        """Notes of the points that are gone on from; followers have taken these up."""
-        notes, ends = [], []
-        for record, end in read_journal(self._path):
-            if not ends:
-                _check(job_file, self._path, first.note, record.note)
-            notes.append(record.note)
-            ends.append(end)
-        while len(notes) > 1 and notes[-1]["place"]["searching"]:
-            notes.pop()
-        if len(notes) <= 1:
+        """Notes of the points that are gone on from; followers have taken up these and what was found of them later."""
+        found = [(record.note, is_point(record), end) for record, end in read_journal(self._path)]
+        if found:
+            _check(job_file, self._path, first.note, found[0][0])
+        points = [place for place, (_, is_one, _) in enumerate(found) if is_one][1:]
+        while points and found[points[-1]][0]["place"]["searching"]:
+            del found[points.pop() :]
+        if not points:
             self._open(0, first)
             return []
-        for record, _ in islice(read_journal(self._path), 1, len(notes)):
-            # The library takes a state as it is: numbers that are not its own could lead it anywhere.
-            states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
-            if record.note["states"] != [_sum_of(numbers) for numbers in states]:
-                raise ValueError("the state of the solver is not the one that was put down")
-            self._known |= set(record.series)
-            for follower in self._followers:
-                follower.load_state(record.arrays)
-        self._open(ends[len(notes) - 1])
-        return notes[1:]
+        for record, _ in islice(read_journal(self._path), 1, len(found)):
+            self._take_up(record)
+        self._starts = [found[place - 1][2] for place in points]
+        self._open(found[-1][2])
+        return [found[place][0] for place in points]
+
+    def _take_up(self, record: Record) -> None:
+        """Let followers know what they found; of a point, or of one that was written before."""
+        if not is_point(record):
+            self._followers[record.note["follower"]].load_state(record.arrays)
+            return
+        # The library takes a state as it is: numbers that are not its own could lead it anywhere.
+        states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
+        if record.note["states"] != [_sum_of(numbers) for numbers in states]:
+            raise ValueError("the state of the solver is not the one that was put down")
+        self._known |= set(record.series)
+        for follower in self._followers:
+            follower.load_state(record.arrays)
 
     def close(self) -> None:
         """Closing twice does no harm."""

@@ -17,7 +17,8 @@ from attrito.results.journal import Record, find_earlier, remove_journal
 from attrito.results.result_file import fill_result
 from attrito.results.stored_point import read_point
 from attrito.runs.bifurcations import Finder
-from attrito.runs.bounds import Sampler, write_bounds
+from attrito.runs.bounds import write_bounds
+from attrito.runs.bounds_of_levels import Sampler
 from attrito.runs.branch_ends import BranchEnds
 from attrito.runs.branch_search import Search
 from attrito.runs.header import first_record
@@ -87,7 +88,7 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
         stages.end("input")
         with writing_alone(comm, result):
             run = _solve(comm, job, scene, warnings, progress, stages, stop, resume)
-    progress.end(result, stages, run.place)
+    progress.end(result, stages, run.place, run.words_on_bounds())
     complaints = run.complaints()
     if complaints:
         raise UnsolvedError(result, "; ".join(complaints))
@@ -182,27 +183,15 @@ class _Run:
         self._begin(first, resume, search)
         try:
             course = Course(self._solver, self._job, load_path, search, self.start, self.static_means, progress)
-            for point in course.points(self.place):
+            for level in course.levels(self.place):
+                for point in level:
+                    self._take(point, search)
+                    reason = stop.asked()
+                    if reason and not course.is_done(self.place):
+                        raise NumericsError(f"stopped by {reason}")
                 stages.end("points")
-                point = self._longer.visit(self._examiner.examine(point))
-                stages.end("stability")
-                self.recorder.hear()
-                self._note_end(point)
-                self._sampler.visit(point)
+                self._sampler.end_level(self.recorder, stop.asked)
                 stages.end("bounds")
-                if corner := self._differentiator.visit(point, self.recorder):
-                    progress.say(f"{point.frequency_hz:.6g} Hz: {corner}")
-                stages.end("derivatives")
-                self._finder.visit(point)
-                stages.end("bifurcations")
-                search.keep(point, self.place.taken == 1)
-                self.place.add(point)
-                self.recorder.write(point, self.place)
-                stages.end("writing")
-                progress.point(point, self._reduced.monitor_names[0], self.place.points)
-                reason = stop.asked()
-                if reason and not course.is_done(self.place):
-                    raise NumericsError(f"stopped by {reason}")
         except NumericsError as error:
             if self.recorder.written:
                 raise NumericsError(f"{error}; {self._left()}") from None
@@ -219,6 +208,26 @@ class _Run:
         if sentence is not None:
             self.place.incomplete.append(sentence)
             self._progress.say(sentence)
+
+    def _take(self, point: Point, search: Search) -> None:
+        """Examine a point, and put it on disk."""
+        progress, stages = self._progress, self._stages
+        stages.end("points")
+        point = self._longer.visit(self._examiner.examine(point))
+        stages.end("stability")
+        self.recorder.hear()
+        self._note_end(point)
+        self._sampler.visit(point, self.place.level)
+        if corner := self._differentiator.visit(point, self.recorder):
+            progress.say(f"{point.frequency_hz:.6g} Hz: {corner}")
+        stages.end("derivatives")
+        self._finder.visit(point)
+        stages.end("bifurcations")
+        search.keep(point, self.place.taken == 1)
+        self.place.add(point)
+        self.recorder.write(point, self.place)
+        stages.end("writing")
+        progress.point(point, self._reduced.monitor_names[0], self.place.points)
 
     def _begin(self, first: Record | None, resume: bool, search: Search) -> None:
         there = on_root(self._comm, lambda: find_earlier(self.journal, resume))
@@ -252,6 +261,10 @@ class _Run:
             write_bounds(file, self._reduced, self._sampler)
         Path(self.journal).unlink()
         remove_journal(f"{self.journal}.old")
+
+    def words_on_bounds(self) -> str:
+        """What bounds were found for, at the root."""
+        return self._sampler.in_words(self._stages.seconds.get("bounds", 0.0))
 
     def complaints(self) -> list[str]:
         """What the numerics did not deliver."""

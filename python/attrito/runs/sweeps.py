@@ -65,14 +65,19 @@ class Course:
         """Whether no point is left."""
         return place.finished and place.stretch + 1 == len(self._stretches) and not self._search.searches
 
-    def points(self, place: RunPosition) -> Iterator[Point]:
-        """Every point that is left.
+    def levels(self, place: RunPosition) -> Iterator[Iterator[Point]]:
+        """Every point that is left, level by level.
 
         Parameters
         ----------
         place : how far the run has come, the solver standing at its last point; kept up to date but for its `add`
         """
         while place.stretch < len(self._stretches):
+            yield self._points(place, place.stretch // self._sides)
+
+    def _points(self, place: RunPosition, level: int) -> Iterator[Point]:
+        """What is left of a level."""
+        while place.stretch // self._sides == level:
             if not place.finished:
                 yield from self._sweep(place)
             if self._search.searches and (place.stretch + 1) % self._sides == 0:
