@@ -40,7 +40,7 @@ LAST = 1e-6
 MOST_STEPS = 12
 MOST_HALVINGS = 6
 MOST_RELEASES = 3
-# Part of a release that is tried where the whole one fails: failures take as long as many members.
+# Part by which free sliders are moved of what would leave no mean force, and of that if it fails: far members are dear.
 RELEASED = 0.25
 # Time of an operation of visits and of linear programs, in those of a point's solve: measured on the damper of 42
 # contacts and 285 dofs, 11 and 1.9 against 30 Gflop/s.
@@ -182,14 +182,14 @@ class Search:
         return Hull(*found, hull.count, accuracy, bool(ended.all()), budget.spent(), visited)
 
     def _release(self, family: Family, shown: Member, hull: _Extremes, budget: _Budget) -> None:
-        """Visit the member whose free contacts have as little mean tangential force as they reach.
+        """Visit a member whose free contacts have less mean tangential force.
 
-        T = kt (u - w): a slider moved by T_0 / kt would leave none if nothing else moved. Where the solver does not
-        follow, a part of that is tried, and less as long as the budget lasts.
+        T = kt (u - w): a slider moved by T_0 / kt would leave none if nothing else moved. A part of that is tried, and
+        less where the solver does not follow, as long as the budget lasts but once at least.
         """
         rest = shown.force[:, :2, 0] / self._laws["tangential_stiffness"][:, None]
         rest[~shown.free.astype(bool)] = 0.0
-        part = 1.0
+        part = RELEASED
         for tries in range(MOST_RELEASES):
             if tries > 1 and budget.spent() > budget.most:
                 return
