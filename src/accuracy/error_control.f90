@@ -2,7 +2,8 @@
 !>
 !> Harmonics left out fade as those do that are there, so the tail of the motion says how many more, or fewer, are needed for the
 !> estimated error (`attrito_accuracy_error_estimate`). Where the estimate is not sure, a longer series is solved, and the estimate is
-!> the change of the point. So it goes on until two series agree.
+!> the change of the point. So it goes on until two series agree; if that is the first two, the point stays on the shorter one, and
+!> how much less than feared the change was holds for the next points of the branch.
 !>
 !> Along a branch harmonics and samples stay. A change moves the branch by about its error, which may be more than a step does: the
 !> point is solved again in its own plane first, and the tangent found there. More are taken when a point asks for them, fewer when
@@ -14,10 +15,11 @@ module attrito_accuracy_error_control
   use attrito_core_trigonometric, only: resized
   use attrito_newton_border, only: constraint_type
   use attrito_newton_newton, only: newton_report_type
-  use attrito_balance_set_aside, only: evaluation_type, set_aside, take_up
   use attrito_accuracy_amplitude_change, only: relative_change
-  use attrito_accuracy_error_estimate, only: error_estimate_type, any_sampled, harmonics_share, own_monitors, short_series
+  use attrito_accuracy_error_estimate, only: error_estimate_type, any_sampled, harmonics_share, samples_share, own_monitors, &
+                                              short_series
   use attrito_accuracy_finer_balance, only: finer_point_type
+  use attrito_accuracy_kept_point, only: kept_point_type
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_continuation_sweep, only: sweep_type
   use attrito_solve_strategies, only: solve_by_strategies
@@ -28,9 +30,9 @@ module attrito_accuracy_error_control
   private
   public :: error_control_type
 
-  !> Part of the accepted error that samples may take, and what a change of harmonics or samples aims at of its part: the estimate may
-  !> be too small by a factor, and the next point is not this one
-  real(wp), parameter :: samples_share = 0.25_wp, aimed_part = 0.3_wp ! conventional
+  !> What a change of harmonics or samples aims at of the part of the tolerance that they may take: the estimate may be too small by a
+  !> factor, and the next point is not this one
+  real(wp), parameter :: aimed_part = 0.3_wp ! conventional
   !> A series is cut where so few harmonics would do
   real(wp), parameter :: worth_cutting = 0.75_wp ! guess
   !> Part of a series that had to be lengthened until its estimate was sure that the next point begins with at least
@@ -42,8 +44,10 @@ module attrito_accuracy_error_control
   integer, parameter :: most_growth = 2 ! guess
   !> Longer series are long: Newton's method costs much there, and from far away it is given up early
   integer, parameter :: long_series = 20 ! guess
-  !> Points of a branch in a row that ask for less than half before harmonics or samples fall
+  !> Points of a branch in a row that ask for less than half before harmonics or samples fall; points that a comparison of two series
+  !> holds for, which are taken to err by so many times what that found
   integer, parameter :: patience = 5 ! guess
+  real(wp), parameter :: caution = 2.0_wp ! guess
 
   !> Part of the frequency by which a finer series moves a point at most: beyond, it is another
   real(wp), parameter :: farthest = 0.2_wp ! guess
@@ -62,6 +66,10 @@ module attrito_accuracy_error_control
     integer, private :: next_harmonics = 0, next_samples = 0
     !> Points of a branch in a row that ask for less than half; the most harmonics and samples that these ask for
     integer, private :: modest = 0, most_asked(2) = 0
+    !> Points of the branch that the last comparison of two series holds for, while harmonics and samples are those of then; the
+    !> change that it found, in units of what was open (`error_estimate_type%at_most`)
+    integer, private :: trusted = 0, compared(2) = 0
+    real(wp), private :: change = 1.0_wp
   contains
     procedure :: estimate
     procedure :: advance
@@ -98,6 +106,10 @@ contains
     call store%keep(self%modest)
     call store%keep(self%most_asked(1))
     call store%keep(self%most_asked(2))
+    call store%keep(self%trusted)
+    call store%keep(self%compared(1))
+    call store%keep(self%compared(2))
+    call store%keep(self%change)
   end subroutine keep
 
   !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.
@@ -123,11 +135,10 @@ contains
     class(error_control_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    type(snapshot_type) :: here
-    type(evaluation_type) :: evaluation
-    type(newton_report_type) :: report
-    type(point_errors_type) :: errors
+    type(kept_point_type) :: here
     type(finer_point_type) :: point
+    real(wp), allocatable :: monitors(:, :)
+    real(wp) :: shown
     integer :: now(2), wanted(2), iterations
     logical :: accepted_too
 
@@ -154,23 +165,21 @@ contains
       solver%report%iterations = iterations
       return
     end if
-    here = snapshot_of(solver)
-    report = solver%report
-    errors = self%errors
-    call set_aside(solver%context%balance, evaluation)
+    call here%take(solver, self%errors)
+    monitors = own_monitors(solver)
     point%motion = solver%motion
     call solve_finer(solver, point, wanted(1), wanted(2), .true., iterations, accepted_too)
     if (accepted_too) then
       call self%estimate(solver, .true., point)
-      accepted_too = self%errors%are_known() .and. accepted(self) .and. self%estimator%is_sure
+      accepted_too = self%errors%are_known() .and. accepted(self)
+      if (accepted_too .and. .not. (self%estimator%is_sure .or. self%estimator%is_stiff)) then
+        shown = relative_change(own_monitors(solver), monitors) + here%errors%harmonics
+        accepted_too = shown <= harmonics_share*self%tolerance
+        call trust(self, solver, shown)
+      end if
+      accepted_too = accepted_too .and. self%estimator%is_sure
     end if
-    if (.not. accepted_too) then
-      call solver%set_resolution(now(1), now(2))
-      call restore(solver, here)
-      call take_up(solver%context%balance, evaluation)
-      solver%report = report
-      self%errors = errors
-    end if
+    if (.not. accepted_too) call here%go_back(solver, self%errors)
     solver%report%iterations = iterations
   end subroutine coarsen
 
@@ -183,6 +192,8 @@ contains
     real(wp), intent(in) :: omega
 
     call take_resolution_chosen(self, solver)
+    ! What a comparison has shown holds along a branch, not from one listed frequency to the next.
+    self%trusted = 0
     if (self%choose_harmonics) then
       call solve_on_some_series(self, solver, omega)
     else
@@ -241,10 +252,13 @@ contains
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(finer_point_type) :: finer
+    type(kept_point_type) :: first
     real(wp), allocatable :: shorter(:, :)
+    real(wp) :: feared, change
     integer :: attempt, harmonics, samples, iterations, unsettled
     logical :: better, was_sure, can_leap
 
+    feared = 0.0_wp
     was_sure = .true.
     can_leap = .true.
     unsettled = 0
@@ -254,7 +268,20 @@ contains
       call self%estimate(solver, solver%report%converged, finer)
       if (.not. (solver%report%converged .and. self%errors%are_known())) exit
       if (.not. (self%choose_harmonics .or. self%choose_samples)) exit
-      if (allocated(shorter) .and. .not. self%estimator%is_sure) call compare(self, solver, shorter, unsettled)
+      if (attempt == 0) call rely_on_comparison(self, solver)
+      if (allocated(shorter)) then
+        change = relative_change(shorter, own_monitors(solver))
+        if (.not. self%estimator%is_sure) call compare(self, solver, change, unsettled)
+        change = change + self%errors%harmonics
+        if (attempt == 1 .and. feared > 0.0_wp .and. self%estimator%is_sure .and. change <= harmonics_share*self%tolerance) then
+          call first%go_back(solver, self%errors)
+          self%estimator%at_most = feared
+          call trust(self, solver, change)
+          self%next_harmonics = solver%options%harmonics
+          self%next_samples = solver%options%samples
+          exit
+        end if
+      end if
       harmonics = needed_harmonics(self, solver, finer)
       samples = needed_samples(self, solver, harmonics)
       ! A series on which estimates are not sure would be solved in vain.
@@ -270,6 +297,10 @@ contains
         harmonics = min(harmonics, most_growth*solver%options%harmonics)
         harmonics = min(max(harmonics, next_longer(solver%options%harmonics), unsettled), most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
+        if (attempt == 0 .and. accepted(self) .and. .not. self%estimator%is_stiff) then
+          feared = self%estimator%at_most
+          call first%take(solver, self%errors)
+        end if
       end if
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
       shorter = own_monitors(solver)
@@ -318,18 +349,49 @@ contains
 
   !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted. It says nothing
   !> of a harmonic that both lack.
-  subroutine compare(self, solver, shorter, unsettled)
+  subroutine compare(self, solver, change, unsettled)
     type(error_control_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> Coefficients of the monitors [k, monitors]
-    real(wp), intent(in) :: shorter(:, :)
+    !> Relative change of the monitors from the shorter series
+    real(wp), intent(in) :: change
     !> Harmonics that had not settled on that series, up to this one
     integer, intent(in) :: unsettled
 
-    self%errors%harmonics = max(self%errors%harmonics, relative_change(shorter, own_monitors(solver)))
+    self%errors%harmonics = max(self%errors%harmonics, change)
     self%estimator%is_sure = accepted(self) .and. solver%options%harmonics >= unsettled
   end subroutine compare
+
+  !> A longer series has shown what the point on this one errs by: know it for the points that follow.
+  subroutine trust(self, solver, shown)
+    type(error_control_type), intent(inout) :: self
+    !> Solver of points, on the shorter series, and estimated there
+    type(solver_type), intent(in) :: solver
+    !> The change to the longer series, and the error of that
+    real(wp), intent(in) :: shown
+
+    self%errors%harmonics = max(self%errors%harmonics, shown)
+    self%estimator%is_sure = .true.
+    self%trusted = patience
+    self%compared = [solver%options%harmonics, solver%options%samples]
+    self%change = shown/max(self%estimator%at_most, tiny(1.0_wp))
+  end subroutine trust
+
+  !> Along a branch an estimate that is not sure counts by what the last comparison of two series found.
+  subroutine rely_on_comparison(self, solver)
+    type(error_control_type), intent(inout) :: self
+    !> Solver of points: its harmonics and samples
+    type(solver_type), intent(in) :: solver
+    real(wp) :: error
+
+    if (self%estimator%is_sure .or. self%estimator%is_stiff .or. self%trusted == 0) return
+    if (any(self%compared /= [solver%options%harmonics, solver%options%samples])) return
+    self%trusted = self%trusted - 1
+    error = max(self%errors%harmonics, caution*self%change*self%estimator%at_most)
+    if (error > harmonics_share*self%tolerance) return
+    self%errors%harmonics = error
+    self%estimator%is_sure = .true.
+  end subroutine rely_on_comparison
 
   !> Length of the series that an estimate which is not sure is held against.
   pure integer function next_longer(harmonics)
@@ -412,7 +474,7 @@ contains
       needed = h
       if (self%errors%harmonics*left_out(h) <= accepted_error*left_out(now)) exit
     end do
-    if (needed > nint(worth_cutting*now) .and. needed < now .and. accepted(self)) needed = now
+    if (needed > nint(worth_cutting*now) .and. accepted(self)) needed = now
     needed = min(max(needed, now/2, self%fewest_harmonics), most_harmonics)
   end function needed_harmonics
 

@@ -5,7 +5,8 @@
 !> The error is split by the motion that either part of the change makes by itself.
 !>
 !> The estimate is checked by a second step (`attrito_accuracy_second_step`). It is sure if that agrees with the first and all
-!> harmonics beyond have settled.
+!> harmonics beyond have settled; or if the error, the difference of both steps and what further answers would add are together what
+!> is accepted anyway.
 module attrito_accuracy_error_estimate
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
@@ -19,10 +20,10 @@ module attrito_accuracy_error_estimate
   use attrito_accuracy_second_step, only: second_step_type, step_again
   implicit none
   private
-  public :: error_estimate_type, any_sampled, harmonics_share, own_monitors, short_series
+  public :: error_estimate_type, any_sampled, harmonics_share, samples_share, own_monitors, short_series
 
-  !> Part of the tolerance that harmonics may take
-  real(wp), parameter :: harmonics_share = 0.5_wp ! conventional
+  !> Parts of the tolerance that harmonics and samples may take
+  real(wp), parameter :: harmonics_share = 0.5_wp, samples_share = 0.25_wp ! conventional
   !> The two steps of an estimate agree if they differ by no more than this part of it, or of what harmonics may take of the tolerance
   real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp ! guess
   !> Contacts so many times stiffer than the structure is at them may bounce at any frequency, and their steps linearised on a short
@@ -45,6 +46,8 @@ module attrito_accuracy_error_estimate
     logical :: is_sure = .true., is_stiff = .false.
     !> Harmonics that have not settled, up to this one
     integer :: unsettled = 0
+    !> The error, if it came to all that the two steps leave open
+    real(wp) :: at_most = 0.0_wp
     type(finer_balance_type), private :: longer
     type(resonances_type), private :: resonances
     !> Greatest ratio of a contact's stiffness to that of the structure at it; negative: not computed yet
@@ -71,7 +74,7 @@ contains
     !> The point on the longer series, to first order
     type(finer_point_type), intent(out) :: finer
     type(second_step_type) :: second
-    real(wp) :: error, difference
+    real(wp) :: error, difference, asked
     real(wp), allocatable :: own(:, :)
     integer :: status
 
@@ -80,6 +83,7 @@ contains
     self%is_sure = .true.
     self%is_stiff = .false.
     self%unsettled = 0
+    self%at_most = 0.0_wp
     if (.not. solved) return
     associate (balance => solver%context%balance)
       if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
@@ -89,12 +93,14 @@ contains
         own = own_monitors(solver)
         error = relative_change(own, finer%monitors)
         self%unsettled = second%unsettled
-        self%is_sure = allocated(second%monitors) .and. second%unsettled == 0
+        self%is_sure = .false.
         if (allocated(second%monitors)) then
           difference = relative_change(finer%monitors, second%monitors)
           error = max(error, relative_change(own, second%monitors))
-          self%is_sure = self%is_sure .and. &
-                         difference <= max(agreement*error, negligible*harmonics_share*min(tolerance, nominal_tolerance))
+          asked = min(tolerance, nominal_tolerance)
+          self%at_most = error + difference + second%missing
+          self%is_sure = (second%unsettled == 0 .and. difference <= max(agreement*error, negligible*harmonics_share*asked)) .or. &
+                         self%at_most <= (harmonics_share + samples_share)*asked
         end if
       end if
       if (balance%receptance%harmonics < short_stiff_series .and. .not. solver%all_stick) then

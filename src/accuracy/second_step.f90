@@ -27,7 +27,9 @@ module attrito_accuracy_second_step
     real(wp), allocatable :: monitors(:, :)
     !> Response that these belong to [n, 0:K]
     complex(wp), allocatable :: response(:, :)
-    !> The highest harmonic beyond H whose motion has not settled; 0: all have
+    !> What answers beyond the second would add, all harmonics beyond H together: part of the motion, as `threshold` is
+    real(wp) :: missing = 0.0_wp
+    !> The highest harmonic beyond H at which that is more than the threshold; 0: at none
     integer :: unsettled = 0
   end type second_step_type
 
@@ -69,7 +71,7 @@ contains
       call add_frequency(response, first%omega - solver%omega)
       motion = balance%contact_rows%motion_of(response)
       monitors = balance%monitors%motion_of(response)
-      second%unsettled = highest_unsettled(answers_of(solver, first%motion, motion, first%monitors, monitors), (k + 1)/2, threshold)
+      call sum_further(answers_of(solver, first%motion, motion, first%monitors, monitors), (k + 1)/2, threshold, second)
       right = unknowns_type(motion(:k, :) - first%motion(:k, :), released)
       call solve_for_estimate(solver, right, moved, status, first%asked)
       if (status /= 0) return
@@ -157,25 +159,28 @@ contains
     answers%change_of_monitors = abs(to_complex(second_monitors - first_monitors))
   end function answers_of
 
-  !> The highest harmonic, from one on, at which answers beyond the second would add more than a part of the motion.
-  pure integer function highest_unsettled(answers, lowest, threshold) result(highest)
+  !> What answers beyond the second would add at harmonics from one on, and the highest at which that is more than a threshold.
+  pure subroutine sum_further(answers, lowest, threshold, second)
     !> Norms of the contacts' answers by harmonic
     type(answers_type), intent(in) :: answers
     !> Harmonic to begin at
     integer, intent(in) :: lowest
     !> Part of the motion that counts
     real(wp), intent(in) :: threshold
+    !> Its `missing` and `unsettled`
+    type(second_step_type), intent(inout) :: second
     !> Parts of the contacts' motion count this much less than those of the monitors'
     real(wp), parameter :: weight = 0.1_wp ! guess
-    real(wp) :: swing, swings(size(answers%monitors, 1)), further
+    real(wp) :: swing, swings(size(answers%monitors, 1)), further, part
+    integer :: h
 
-    swing = norm2(answers%before)
-    swings = sqrt(sum(answers%monitors(:, 2:)**2, 2))
-    do highest = size(answers%before), lowest, -1
-      further = abs(answers%ratio(highest))/max(abs(1.0_wp - answers%ratio(highest)), least_distance)
-      if (weight*further*answers%change(highest) > threshold*swing) return
-      if (any(further*answers%change_of_monitors(:, highest + 1) > threshold*swings)) return
+    swing = max(norm2(answers%before), tiny(1.0_wp))
+    swings = max(sqrt(sum(answers%monitors(:, 2:)**2, 2)), tiny(1.0_wp))
+    do h = lowest, size(answers%before)
+      further = abs(answers%ratio(h))/max(abs(1.0_wp - answers%ratio(h)), least_distance)
+      part = further*max(weight*answers%change(h)/swing, maxval(answers%change_of_monitors(:, h + 1)/swings))
+      second%missing = second%missing + part
+      if (part > threshold) second%unsettled = h
     end do
-    highest = 0
-  end function highest_unsettled
+  end subroutine sum_further
 end module attrito_accuracy_second_step
