@@ -44,9 +44,10 @@ module attrito_accuracy_error_control
   integer, parameter :: most_growth = 2 ! guess
   !> Longer series are long: Newton's method costs much there, and from far away it is given up early
   integer, parameter :: long_series = 20 ! guess
-  !> Points of a branch in a row that ask for less than half before harmonics or samples fall; points that a comparison of two series
-  !> holds for, which are taken to err by so many times what that found
+  !> Points of a branch in a row that ask for less than half before harmonics or samples fall, and that a comparison of two series
+  !> holds for
   integer, parameter :: patience = 5 ! guess
+  !> So many times what a comparison found of what was open is the error of the points that it holds for
   real(wp), parameter :: caution = 2.0_wp ! guess
 
   !> Part of the frequency by which a finer series moves a point at most: beyond, it is another
@@ -62,8 +63,8 @@ module attrito_accuracy_error_control
     !> Of the present point; `modes` is the same for all points
     type(point_errors_type) :: errors
     type(error_estimate_type), private :: estimator
-    !> For the point that comes next
-    integer, private :: next_harmonics = 0, next_samples = 0
+    !> Of the first listed frequency, and for the point that comes next
+    integer, private :: first(2) = 0, next_harmonics = 0, next_samples = 0
     !> Points of a branch in a row that ask for less than half; the most harmonics and samples that these ask for
     integer, private :: modest = 0, most_asked(2) = 0
     !> Points of the branch that the last comparison of two series holds for, while harmonics and samples are those of then; the
@@ -101,6 +102,8 @@ contains
 
     call store%keep(self%errors%harmonics)
     call store%keep(self%errors%samples)
+    call store%keep(self%first(1))
+    call store%keep(self%first(2))
     call store%keep(self%next_harmonics)
     call store%keep(self%next_samples)
     call store%keep(self%modest)
@@ -191,9 +194,7 @@ contains
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
 
-    call take_resolution_chosen(self, solver)
-    ! What a comparison has shown holds along a branch, not from one listed frequency to the next.
-    self%trusted = 0
+    call begin_point(self, solver, omega)
     if (self%choose_harmonics) then
       call solve_on_some_series(self, solver, omega)
     else
@@ -236,14 +237,26 @@ contains
     if (.not. solver%evidence%is_drifting) call restore(solver, before)
   end subroutine solve_on_some_series
 
-  !> What the last point asked for the next one.
-  subroutine take_resolution_chosen(self, solver)
+  !> A listed frequency begins at the point before, on what that asked for; if sliders are reset, as the first one did: it is what it
+  !> is alone. What a comparison of two series has shown holds along a branch, not from one listed frequency to the next.
+  subroutine begin_point(self, solver, omega)
     class(error_control_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
+    real(wp), intent(in) :: omega
 
-    if (self%next_harmonics > 0) call solver%set_resolution(self%next_harmonics, self%next_samples)
-  end subroutine take_resolution_chosen
+    self%trusted = 0
+    if (self%first(1) == 0) self%first = [solver%options%harmonics, solver%options%samples]
+    if (solver%options%reset_slider) then
+      call solver%set_resolution(self%first(1), self%first(2))
+      call solver%rest()
+      solver%omega = omega
+      solver%evidence = evidence_type()
+    else if (self%next_harmonics > 0) then
+      call solver%set_resolution(self%next_harmonics, self%next_samples)
+    end if
+  end subroutine begin_point
 
   !> Estimate the errors of the point, and solve it again on a finer series or more samples until they are accepted, or as fine as it
   !> gets. A point that the finer balance does not reach stays, with its estimate if that is sure, and without if not.

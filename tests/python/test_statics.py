@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import product
 
+import campaign
+import campaign_scenes
 import h5py
 import numpy as np
 import pytest
 from jobs import attrito, run, table, wedge
+from mpi4py import MPI
 
 from attrito.library.reduced_scene import ReducedScene
+from attrito.library.session import Solver
 from attrito.scene.friction_margin import friction_margin
 from attrito_verification.scene_grid.scenes import STIFFNESS, Family
 
@@ -135,3 +140,21 @@ def test_points_that_begin_at_the_static_sliders_know_the_load_path(tmp_path):
     assert means[0] < -5.0
     # Both are solved to 1e-10 of the motion.
     assert means[1] == pytest.approx(means[0], rel=1e-7)
+
+
+@pytest.mark.parametrize("number", [0, 1, 4, 5])
+def test_sliders_that_are_reset_give_a_listed_frequency_what_it_gives_alone(number):
+    scene = campaign_scenes.make(21, number)
+    options = replace(campaign.options_of(scene), reset_slider=True)
+
+    def points_at(frequencies_hz):
+        with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
+            solver.follow_static_path(campaign.PATH, 10, frequencies_hz[0])
+            return list(solver.solve_at(frequencies_hz, 1.0, 0))
+
+    for point in points_at(scene.frequencies_hz):
+        (alone,) = points_at([point.frequency_hz])
+        assert (point.outcome, point.states) == (alone.outcome, alone.states)
+        # Residuals are scaled by the first frequency: both are solved to 1e-10 of the stuck motion, and stiff contacts
+        # multiply that.
+        np.testing.assert_allclose(point.harmonics, alone.harmonics, atol=1e-6 * np.abs(alone.harmonics).max())

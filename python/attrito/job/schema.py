@@ -209,7 +209,10 @@ TABLES: dict[str, dict[str, Key]] = {
             "corners, followed quasi-statically: one factor on all static loads, or by name",
         ),
         "slider": Key(
-            choice("keep", "reset"), "keep", "start sliders of each point: of the point before, or the static ones"
+            choice("keep", "reset"),
+            "keep",
+            "start sliders of each point: of the point before, or the static ones; a listed frequency then begins at the"
+            " static solution, and is what it is alone",
         ),
         "steps": Key(integer(1), 20, "steps from corner to corner, halved where one fails"),
         "bounds": Key(
