@@ -7,13 +7,13 @@ number of entries, as an instrument's own, and a line of units below the names; 
 
 from __future__ import annotations
 
-import codecs
 import csv
 from dataclasses import dataclass
 
 import numpy as np
 
 from attrito.support.errors import Fault, InputError
+from attrito.support.text_files import decoded
 
 SEPARATORS = (";", "\t", ",")
 
@@ -100,18 +100,13 @@ def read_columns(path: str) -> Columns:
 
 
 def _text(path: str) -> str:
-    """In UTF-8; what is not is taken for Windows's Western encoding, or with its mark at the beginning for UTF-16."""
+    """In whichever encoding."""
     try:
         with open(path, "rb") as stream:
             content = stream.read()
     except OSError as error:
         raise InputError(Fault(path, "file", str(error), "a CSV file of measurements that can be read")) from None
-    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
-        return content.decode("utf-16", errors="replace")
-    try:
-        return content.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        return content.decode("cp1252", errors="replace")
+    return decoded(content)
 
 
 def _is_number(entry: str, separator: str) -> bool:

@@ -82,6 +82,8 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
             types |= _types(block, line, words)
         elif words[0] == "EBLOCK" and len(words) > 2 and words[2] == "SOLID":
             elements += [(number, types.get(kind), nodes) for number, kind, nodes in _elements(block, line)]
+        elif words[0] == "EBLOCK" and "COMPACT" in words:
+            raise block.fault(line, "elements in blocks of the SOLID key, as CDWRITE makes them (not COMPACT)")
         elif words[0] == "EBLOCK":
             # Loads and contact on surfaces, by lines of another kind.
             surfaces += len(_section(block, line, "elements")[1])

@@ -24,7 +24,7 @@ def elastic_constants(blocks: list[Block], elements: dict[str, np.ndarray]) -> d
     """
     materials = _materials(blocks)
     of_element: dict[int, tuple[float, float]] = {}
-    sets = _Sets(blocks)
+    sets = ElementSets(blocks)
     for block in blocks:
         constants = materials.get(block.parameters.get("MATERIAL", "").upper())
         if block.keyword == "SOLID SECTION" and constants is not None:
@@ -66,7 +66,7 @@ def _constants(line: str) -> tuple[float, float] | None:
     return (young, poisson) if young > 0.0 and -1.0 < poisson < 0.5 else None
 
 
-class _Sets:
+class ElementSets:
     """Sets of elements, which may name others."""
 
     def __init__(self, blocks: list[Block]):

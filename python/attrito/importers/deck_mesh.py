@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.importers.deck import Block, read_blocks
-from attrito.importers.deck_elastic import elastic_constants
+from attrito.importers.deck_elastic import ElementSets, elastic_constants
 from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type, fields, integers, set_members
 from attrito.importers.mesh_data import Mesh, check_coordinates
 from attrito.model.surfaces import element_family
@@ -23,6 +23,18 @@ from attrito.support.errors import Fault, InputError
 if TYPE_CHECKING:
     import meshio
 
+# What makes nodes, elements and sets, or moves them, in ways that are not read
+_NOT_READ = {
+    "SYSTEM": "coordinates along the global axes",
+    **dict.fromkeys(("NGEN", "NFILL", "NCOPY", "NMAP"), "every node under *NODE"),
+    **dict.fromkeys(("ELGEN", "ELCOPY"), "every element under *ELEMENT"),
+}
+# Parameters of what is read; of a set, INTERNAL, UNSORTED and INSTANCE change nothing for one part.
+_PARAMETERS = {
+    "NODE": ("NSET", "SYSTEM", "INPUT"),
+    "ELEMENT": ("TYPE", "ELSET", "INPUT"),
+    "NSET": ("NSET", "ELSET", "GENERATE", "INPUT", "INTERNAL", "UNSORTED", "INSTANCE"),
+}
 # What removes dofs from CalculiX's matrices without holding them at zero.
 CONSTRAINTS = ("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "CYCLIC SYMMETRY MODEL")
 
@@ -39,6 +51,9 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     path = Path(path)
     blocks = list(read_blocks(path))
     _refuse_assembly(blocks)
+    faults = [fault for block in blocks for fault in _not_read(block)]
+    if faults:
+        raise InputError(*faults)
     transforms = [block for block in blocks if block.keyword == "TRANSFORM"]
     if transforms and skip:
         raise InputError(
@@ -54,7 +69,12 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         raise InputError(*map(_type_fault, others))
     element_blocks = [block for block in element_blocks if block not in others]
 
-    nodes = [fields(line) for block in node_blocks for line in block.data]
+    # Coordinates left out are zero, as in CalculiX.
+    nodes = [
+        [words[0], *map(repr, block.numbers(index, [*words[1:4], "", "", ""][:3]))]
+        for block in node_blocks
+        for index, words in enumerate(map(fields, block.data))
+    ]
     node_ids = integers([words[0] for words in nodes], node_blocks[0], "node ids")
     if len(np.unique(node_ids)) < len(node_ids):
         ids, count = np.unique(node_ids, return_counts=True)
@@ -66,13 +86,30 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         _add_elements(mesh, block, node_ids[cells.data])
     mesh.elastic = elastic_constants(blocks, {kind: ids for kind, (ids, _) in mesh.elements.items()})
     mesh.skipped = [f"elements of type {element_type(block)}, line {block.line}" for block in others]
-    mesh.node_sets = _node_sets(blocks, node_ids)
+    mesh.node_sets = _node_sets(blocks, node_ids, mesh)
     mesh.constraints = [f"*{block.keyword}, line {block.line}" for block in blocks if block.keyword in CONSTRAINTS]
     if any(block.keyword == "BOUNDARY" for block in blocks):
         # A support along axes of its own is an equation between dofs along x, y, z.
         mesh.constraints += [f"*BOUNDARY at nodes of *TRANSFORM, line {block.line}" for block in transforms]
-    mesh.files = list(dict.fromkeys([path, *(block.file for block in blocks)]))
+    files = (file for block in blocks for file in (block.file, block.data_file) if file)
+    mesh.files = list(dict.fromkeys([path, *files]))
     return mesh
+
+
+def _not_read(block: Block) -> list[Fault]:
+    """What a block says of nodes, elements and sets that is not read."""
+    # *SYSTEM without data goes back to the global axes.
+    if block.keyword in _NOT_READ and (block.data or block.keyword != "SYSTEM"):
+        return [block.fault("a keyword that is not read", _NOT_READ[block.keyword])]
+    known = _PARAMETERS.get(block.keyword)
+    faults = [
+        block.fault(f"{name}={value}", f"no parameters but {', '.join(known)}")
+        for name, value in block.parameters.items()
+        if known and name not in known and name
+    ]
+    if block.keyword == "NODE" and block.parameters.get("SYSTEM", "R").upper() != "R":
+        faults.append(block.fault(f"SYSTEM={block.parameters['SYSTEM']}", "coordinates x, y, z"))
+    return faults
 
 
 def _refuse_assembly(blocks: list[Block]) -> None:
@@ -89,8 +126,7 @@ def _read_with_meshio(nodes: list[list[str]], element_blocks: list[Block], path:
     import meshio
 
     lines = ["*NODE"]
-    # CalculiX takes coordinates left out as zero.
-    lines += [",".join([*words, "0", "0", "0"][:4]) for words in nodes]
+    lines += [",".join(words) for words in nodes]
     for block in element_blocks:
         lines.append(f"*ELEMENT, TYPE={element_family(element_type(block))}")
         lines += block.data
@@ -121,8 +157,9 @@ def _add_elements(mesh: Mesh, block: Block, connectivity: np.ndarray) -> None:
     mesh.elements[kind] = (ids, connectivity)
 
 
-def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarray]:
+def _node_sets(blocks: list[Block], node_ids: np.ndarray, mesh: Mesh) -> dict[str, np.ndarray]:
     """Node sets, those of `*NODE, NSET=` included; a name that occurs again adds to its set."""
+    elements = ElementSets(blocks)
     members: dict[str, np.ndarray] = {}
     names: dict[str, str] = {}  # CalculiX does not tell capitals apart; the first spelling is kept
     for block in blocks:
@@ -134,6 +171,8 @@ def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarra
         name = names.setdefault(name.upper(), name)
         if block.keyword == "NODE":
             ids = integers([fields(line)[0] for line in block.data], block, "node ids")
+        elif "ELSET" in block.parameters:
+            ids = _nodes_of(elements.members(block.parameters["ELSET"]), mesh)
         else:
             ids = set_members(block, {key: members[names[key]] for key in names if names[key] in members})
             if "GENERATE" in block.parameters:
@@ -143,4 +182,12 @@ def _node_sets(blocks: list[Block], node_ids: np.ndarray) -> dict[str, np.ndarra
         unknown = np.setdiff1d(members[name], node_ids)
         if len(unknown) > 0:
             raise InputError(block.fault(f"node {unknown[0]} in set {name}", "nodes that *NODE defines"))
+        if len(members[name]) == 0:
+            raise InputError(block.fault(f"NSET={name}", "a set with nodes"))
     return members
+
+
+def _nodes_of(elements: np.ndarray, mesh: Mesh) -> np.ndarray:
+    """Ids of the nodes of solid elements, by the ids of these."""
+    nodes = [np.ravel(connectivity[np.isin(ids, elements)]) for ids, connectivity in mesh.elements.values()]
+    return np.unique(np.concatenate(nodes)).astype(np.int64)

@@ -14,6 +14,7 @@ import numpy as np
 
 from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
 from attrito.support.errors import Fault, InputError
+from attrito.support.text_files import read_lines
 
 LABELS = {"UX": 1, "UY": 2, "UZ": 3, "ROTX": 4, "ROTY": 5, "ROTZ": 6}
 _CARDS = ("ASET", "ASET1", "USET", "EXTRN")
@@ -21,19 +22,13 @@ _CARDS = ("ASET", "ASET1", "USET", "EXTRN")
 
 def names_cards(path: str | Path) -> bool:
     """Whether a file names dofs by cards of Nastran."""
-    return any(line.upper().startswith(_CARDS) for line in Path(path).read_text().splitlines())
+    return any(line.upper().startswith(_CARDS) for line in read_lines(path))
 
 
 def read_dof_file(path: str | Path) -> tuple[np.ndarray, np.ndarray]:
     """Node id `[n]` and direction `[n]` (1 to 6) of each row."""
     path = str(path)
-    try:
-        lines = Path(path).read_text().splitlines()
-    except OSError as error:
-        expected = "a file that can be read"
-        raise InputError(Fault(path, "file", error.strerror or str(error), expected)) from error
-    except UnicodeDecodeError as error:
-        raise InputError(Fault(path, "file", "not text", "lines node.direction, or a mapping file")) from error
+    lines = read_lines(path, "a file that can be read")
     words = [line.split() for line in lines]
     if any(len(line) == 3 and line[2].upper() in LABELS for line in words[:50]):
         node, direction = _mapping(path, words)

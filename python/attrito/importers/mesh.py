@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from pathlib import Path
 
 from attrito.importers.ansys_mesh import is_ansys_mesh, read_ansys_mesh
@@ -13,6 +14,7 @@ from attrito.importers.mesh_data import Mesh
 from attrito.importers.meshio_mesh import is_meshio_mesh, read_meshio_mesh
 from attrito.importers.nastran_mesh import is_nastran_mesh, read_nastran_mesh
 from attrito.support.errors import Fault, InputError
+from attrito.support.text_files import decoded
 
 __all__ = ["Mesh", "read_mesh"]
 
@@ -38,6 +40,8 @@ def read_mesh(path: str | Path, skip: bool = False) -> Mesh:
     except OSError as error:
         expected = "a mesh file that can be read"
         raise InputError(Fault(str(path), "file", error.strerror or str(error), expected)) from error
+    if start.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
+        start = decoded(start).encode()
     if start.startswith(b"$") and GMSH in start:
         return read_gmsh_mesh(path)
     if is_meshio_mesh(path):

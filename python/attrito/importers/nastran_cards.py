@@ -8,6 +8,7 @@ from pathlib import Path
 
 from attrito.importers.mesh_data import LONGEST_RANGE
 from attrito.support.errors import Fault, InputError
+from attrito.support.text_files import read_lines
 
 
 @dataclass
@@ -27,14 +28,12 @@ class Card:
 def read_cards(path: str | Path, including: tuple[Path, ...] = ()) -> Iterator[Card]:
     """Cards in order; lines of the executive and case control sections come as cards, too, of names no one asks for."""
     path = Path(path)
-    try:
-        lines = path.read_text(errors="replace").splitlines()
-    except OSError as error:
-        value = error.strerror or str(error)
-        raise InputError(Fault(str(path), "file", value, "a file that can be read")) from error
+    lines = read_lines(path, "a file that can be read")
     card: Card | None = None
+    opened = ""
     for number, line in enumerate(lines, start=1):
-        text = line.partition("$")[0].rstrip()
+        text = opened + (line.strip() if opened else line).partition("$")[0].rstrip()
+        opened = ""
         if not text:
             continue
         if text[0] in "+* ,":
@@ -45,10 +44,15 @@ def read_cards(path: str | Path, including: tuple[Path, ...] = ()) -> Iterator[C
             yield card
             card = None
         if text.upper().startswith("INCLUDE"):
+            if text.count("'") % 2 or text.count('"') % 2:
+                opened = text  # the name goes on in the next line
+                continue
             yield from _included(path, number, text, including)
             continue
         name, fields = _fields(text, "*" in text.replace(",", " ")[:8])
         card = Card(name.rstrip("*").rstrip().upper(), fields, str(path), number)
+        if card.name == "ENDDATA":
+            break
     if card is not None:
         yield card
 
@@ -85,6 +89,11 @@ def _fields(text: str, large: bool) -> tuple[str, list[str]]:
     if "," in text:
         words = [word.strip() for word in text.split(",")]
         count = 4 if large else 8
+        while words and not words[-1]:
+            words.pop()
+        # More than ten fields: the line goes on by itself, without a mark of the continuation.
+        if len(words) > 2 + count and not words[1 + count].startswith("+"):
+            return words[0], words[1:] + [""] * (-(len(words) - 1) % count)
         return words[0], (words[1 : 1 + count] + [""] * count)[:count]
     text = text.expandtabs(8)
     width, count = (16, 4) if large else (8, 8)

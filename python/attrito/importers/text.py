@@ -7,6 +7,7 @@ here, on arrays of line beginnings.
 
 from __future__ import annotations
 
+from codecs import BOM_UTF8
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -158,7 +159,7 @@ def read_text(path: str | Path, counted: bool = False, ends: bytes = b"") -> Ite
                     value = rest[-60:].decode(errors="replace")
                     raise InputError(Fault(str(path), "last line", value, "the end of the line: the file is cut off"))
                 whole, rest = (rest + read[:end], read[end:]) if read else (rest + b"\n", b"")
-                block = _lines(str(path), whole, number)
+                block = _lines(str(path), whole.removeprefix(BOM_UTF8) if number == 1 else whole, number)
                 number += len(block)
                 yield block
     except OSError as error:
@@ -173,6 +174,7 @@ def whole_text(path: str | Path) -> Block:
     except OSError as error:
         expected = "a file that can be read"
         raise InputError(Fault(str(path), "file", error.strerror or str(error), expected)) from error
+    read = read.removeprefix(BOM_UTF8)
     return _lines(str(path), read if read.endswith(b"\n") else read + b"\n", 1)
 
 

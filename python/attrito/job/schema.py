@@ -211,8 +211,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "slider": Key(
             choice("keep", "reset"),
             "keep",
-            "start sliders of each point: of the point before, or the static ones; a listed frequency then begins at the"
-            " static solution, and is what it is alone",
+            "start sliders of each point: of the point before, or the static ones; a listed frequency begins at the"
+            " static solution then, and is what it is alone",
         ),
         "steps": Key(integer(1), 20, "steps from corner to corner, halved where one fails"),
         "bounds": Key(

@@ -20,6 +20,7 @@ from attrito.importers.deck_ids import set_members
 from attrito.model.pressure import pressure_forces
 from attrito.model.surfaces import FACES, element_family
 from attrito.support.errors import InputError
+from attrito.support.text_files import number
 
 if TYPE_CHECKING:
     from attrito.model.model import Model
@@ -95,12 +96,12 @@ class _Reader:
         words = [word.strip() for word in line.rstrip(", ").split(",")]
         try:
             where, kind, value = words
-            number = float(value)
+            size = number(value)
         except ValueError:
             raise InputError(block.fault(line, expected)) from None
-        if not np.isfinite(number):
+        if not np.isfinite(size):
             raise InputError(block.fault(line, "a finite number"))
-        return where, kind, number
+        return where, kind, size
 
     def _members(self, block: Block, where: str, sets: dict[str, np.ndarray], expected: str) -> np.ndarray:
         if where.isdecimal():

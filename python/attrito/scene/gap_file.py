@@ -1,4 +1,7 @@
-"""Gaps of contacts from a text file: a line `node, gap` for each node of side a, blanks or a comma between.
+"""Gaps of contacts from a text file: a line `node, gap` for each node of side a.
+
+Between both are blanks, a comma, a semicolon or a tab; with the last two a comma is a decimal one. Lines of names above
+the numbers are left out.
 
 What follows `#` is a comment. At Gauss points the nodes' gaps are interpolated by the face's shape functions.
 """
@@ -10,6 +13,15 @@ import numpy as np
 from attrito.model.model import Model
 from attrito.model.pairs import Pairs, node_rows, some
 from attrito.support.errors import Fault, InputError
+from attrito.support.text_files import number, read_lines
+
+
+def _words(line: str) -> list[str]:
+    """Entries between commas or blanks; between semicolons or tabs, where a comma is a decimal one."""
+    for separator in ";\t":
+        if separator in line:
+            return [word.strip().replace(",", ".") for word in line.split(separator)]
+    return line.replace(",", " ").split()
 
 
 def read_gaps(path: str, model: Model, pairs: Pairs) -> np.ndarray:
@@ -19,25 +31,19 @@ def read_gaps(path: str, model: Model, pairs: Pairs) -> np.ndarray:
     ------
     InputError : a file that cannot be read, lines that are no node and number, nodes twice, unknown or missing
     """
-    try:
-        with open(path, encoding="utf-8") as file:
-            lines = file.readlines()
-    except (OSError, UnicodeDecodeError) as error:
-        said = error.strerror if isinstance(error, OSError) else "not UTF-8"
-        raise InputError(Fault(path, "file", said, "a text file that can be read")) from None
     nodes, values = [], []
-    for number, line in enumerate(lines, start=1):
-        words = line.partition("#")[0].replace(",", " ").split()
-        if not words:
-            continue
+    for count, line in enumerate(read_lines(path), start=1):
+        words = _words(line.partition("#")[0])
+        if not words or (not nodes and words[0][:1].isalpha()):
+            continue  # a line of names above the numbers, too
         try:
             node, value = words
             nodes.append(np.int64(int(node)))
-            values.append(float(value))
+            values.append(number(value))
         except (ValueError, OverflowError):
-            raise InputError(Fault(path, f"line {number}", line.strip(), "a node and its gap")) from None
+            raise InputError(Fault(path, f"line {count}", line.strip(), "a node and its gap")) from None
         if not np.isfinite(values[-1]):
-            raise InputError(Fault(path, f"line {number}", line.strip(), "a finite gap"))
+            raise InputError(Fault(path, f"line {count}", line.strip(), "a finite gap"))
     listed = np.array(nodes, dtype=np.int64)
     known, count = np.unique(listed, return_counts=True)
     if (count > 1).any():
