@@ -182,6 +182,20 @@ def test_what_cannot_be_exported_is_told(simple, capfd, options, said):
     assert done.returncode == 2 and done.stderr.count(said) == 1, done.stderr
 
 
+@pytest.mark.parametrize("name", ["a & b", "a < b", "a > b", "it's", 'a "b"'])
+def test_an_xdmf_series_may_have_any_name(simple, capfd, name):
+    done = attrito_here(simple[0], capfd, "export", "result.h5", "--phases", "2", "-o", f"{name}.xdmf")
+    assert done.returncode == 0, done.stderr
+    items = ElementTree.parse(simple[0] / f"{name}.xdmf").iter("DataItem")
+    assert {item.text.split(":")[0] for item in items} == {f"{name}.h5"}
+
+
+def test_a_colon_in_the_name_of_an_xdmf_series_is_refused(simple, capfd):
+    done = attrito_here(simple[0], capfd, "export", "result.h5", "--phases", "2", "-o", "a:b.xdmf")
+    assert done.returncode == 2 and "a name without a colon" in done.stderr
+    assert not list(simple[0].glob("a:b*"))
+
+
 @pytest.mark.parametrize("place", ["nowhere/shape.vtu", "nowhere/shape.xdmf"])
 def test_a_place_that_no_rank_can_write_to_is_told_once(simple, place):
     kind = place.rsplit(".", 1)[1]

@@ -16,6 +16,8 @@ from faults_of_sectors import SECTOR
 from jobs import attrito, attrito_here, run, toml, wedge, write_blocks, write_job
 from scipy.sparse import coo_matrix, eye
 
+from attrito.support.errors import Fault, InputError
+
 OLD_RESULT = b"a result of yesterday"
 NAN = float("nan")
 STIFFNESS = coo_matrix(np.diag([4.0e5, 2.5e6]))
@@ -240,3 +242,9 @@ def test_what_a_faulty_key_may_have_meant_is_not_missing(folder, capfd):
     write_job(folder, job)
     told = attrito_here(folder, capfd, "run", "job.toml").stderr.splitlines()
     assert len(told) == 1 and "[sweep] frequencies_hz" in told[0]
+
+
+def test_a_message_of_very_many_faults_lists_the_first():
+    faults = [Fault("job.toml", f"contact[{k}]", "missing", "a normal") for k in range(3000)]
+    lines = str(InputError(*faults)).split("\n")
+    assert len(lines) == 21 and lines[-1] == "and 2980 faults more, which may have the same cause"

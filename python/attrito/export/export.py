@@ -206,6 +206,9 @@ def _write(
     options: Options,
 ) -> str:
     if options.format == "xdmf":
+        if ":" in Path(base).name:
+            # Readers part the file from the place in it at a colon.
+            raise InputError(Fault(base, "output", f"{Path(base).name}.xdmf", "a name without a colon for XDMF"))
         with XdmfSeries(comm, base, cells, contact) as series:
             for snapshot in snapshots:
                 series.add(snapshot, moved=options.scale != 0.0)

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
-from xml.sax.saxutils import quoteattr
+from xml.sax.saxutils import escape, quoteattr
 
 import h5py
 import meshio
@@ -199,7 +199,7 @@ class XdmfSeries:
         everywhere(self.comm, lambda: self._fill(offset, np.ascontiguousarray(values)))
         number = "Float" if values.dtype.kind == "f" else "Int"
         shape = " ".join(map(str, values.shape))
-        where = f"{Path(self.path).name}.h5:/{place}"
+        where = escape(f"{Path(self.path).name}.h5:/{place}")
         head = f'<DataItem DataType="{number}" Dimensions="{shape}" Format="HDF" Precision="{values.dtype.itemsize}">'
         return f"{head}{where}</DataItem>"
 

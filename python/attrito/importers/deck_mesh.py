@@ -36,7 +36,7 @@ _PARAMETERS = {
     "NSET": ("NSET", "ELSET", "GENERATE", "INPUT", "INTERNAL", "UNSORTED", "INSTANCE"),
 }
 # What removes dofs from CalculiX's matrices without holding them at zero.
-CONSTRAINTS = ("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "CYCLIC SYMMETRY MODEL")
+CONSTRAINTS = ("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "CYCLIC SYMMETRY MODEL", "PRE-TENSION SECTION")
 
 
 def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
@@ -91,6 +91,9 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     if any(block.keyword == "BOUNDARY" for block in blocks):
         # A support along axes of its own is an equation between dofs along x, y, z.
         mesh.constraints += [f"*BOUNDARY at nodes of *TRANSFORM, line {block.line}" for block in transforms]
+    mesh.held = _held(blocks, mesh.node_sets)
+    mesh.angles = _named(blocks, "RIGID BODY", "ROT NODE")
+    mesh.elongations = _named(blocks, "PRE-TENSION SECTION", "NODE")
     files = (file for block in blocks for file in (block.file, block.data_file) if file)
     mesh.files = list(dict.fromkeys([path, *files]))
     return mesh
@@ -110,6 +113,27 @@ def _not_read(block: Block) -> list[Fault]:
     if block.keyword == "NODE" and block.parameters.get("SYSTEM", "R").upper() != "R":
         faults.append(block.fault(f"SYSTEM={block.parameters['SYSTEM']}", "coordinates x, y, z"))
     return faults
+
+
+def _named(blocks: list[Block], keyword: str, parameter: str) -> np.ndarray:
+    """Nodes that blocks of a keyword name by a parameter."""
+    given = [block for block in blocks if block.keyword == keyword and parameter in block.parameters]
+    return np.array([integers([block.parameters[parameter]], block, "a node")[0] for block in given], np.int64)
+
+
+def _held(blocks: list[Block], node_sets: dict[str, np.ndarray]) -> np.ndarray:
+    """Nodes and directions `[k, 2]` of `*BOUNDARY`: lines `node or set, first direction, last direction`."""
+    sets = {name.upper(): ids for name, ids in node_sets.items()}
+    held = [np.empty((0, 2), np.int64)]
+    for block in blocks:
+        for words in map(fields, block.data if block.keyword == "BOUNDARY" else ()):
+            directions = [int(word) for word in words[1:3] if word.isdecimal()]
+            nodes = sets.get(words[0].upper(), [int(words[0])] if words[0].isdecimal() else [])
+            if directions:
+                held += [
+                    np.column_stack([nodes, np.full(len(nodes), k)]) for k in range(directions[0], directions[-1] + 1)
+                ]
+    return np.unique(np.concatenate(held), axis=0)
 
 
 def _refuse_assembly(blocks: list[Block]) -> None:

@@ -25,6 +25,8 @@ class Mesh:
     node_sets : for each name its node ids, ascending
     files : every file read, the deck first
     constraints : keywords, with their line, that make dofs depend on others
+    held : `[k, 2]`, nodes and directions that supports hold
+    angles, elongations : nodes whose dofs 1 to 3 are rotations, and nodes whose dof 1 is no displacement of a place
     skipped : what was not read, in words
     axes : of nodes that move along axes of their own their directions 1, 2, 3 as rows `[3, 3]`, by id
     """
@@ -36,6 +38,9 @@ class Mesh:
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)
     constraints: list[str] = field(default_factory=list)
+    held: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    angles: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
+    elongations: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     skipped: list[str] = field(default_factory=list)
     axes: dict[int, np.ndarray] = field(default_factory=dict)
 

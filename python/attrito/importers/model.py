@@ -136,6 +136,10 @@ def _model(
     parts = assemble(read, numbers, known_dofs, str(dofs or ""))
     matrices = parts.matrices
     nodes = None if mesh is None else read_mesh(mesh, skip=not str(where["stiffness"]).endswith(".sti"))
+    if nodes is not None and parts.node is not None:
+        # What CalculiX numbers 1 to 3 at these nodes are no displacements.
+        parts.direction = np.where(np.isin(parts.node, nodes.angles), parts.direction + 3, parts.direction)
+        parts.direction[np.isin(parts.node, nodes.elongations)] = 0
     turned = _turned(parts, dofs, mesh, nodes)
     faults = check_matrices(
         matrices["stiffness"], matrices["mass"], matrices.get("damping"), where, lambda dof: dof_label(dof, parts)
@@ -157,6 +161,7 @@ def _model(
     if nodes is not None:
         model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
         model.elements, model.elastic, model.node_sets = nodes.elements, nodes.elastic, nodes.node_sets
+        model.dependent = _dependent(parts, nodes)
         files += map(str, nodes.files)
     check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
@@ -164,6 +169,17 @@ def _model(
     resists = resisted_rotation(model)
     warnings = [] if resists is None else [f"warning: {resists}"]
     return model, _notes(model) + first_look(model) + turned + held + parts.notes + _mesh_notes(nodes) + warnings
+
+
+def _dependent(parts: Matrices, mesh: Mesh) -> np.ndarray:
+    """Nodes and directions `[k, 2]` that neither a row of the matrices nor a support has: they depend on others."""
+    if not mesh.constraints:
+        return np.empty((0, 2), np.int64)
+    nodes = np.unique(np.concatenate([np.ravel(one) for _, one in mesh.elements.values()])).astype(np.int64)
+    known = np.concatenate([np.column_stack([parts.node, parts.direction]), mesh.held]).astype(np.int64)
+    all_three = 8 * np.repeat(nodes, 3) + np.tile([1, 2, 3], len(nodes))
+    left = np.setdiff1d(all_three, 8 * known[:, 0] + known[:, 1])
+    return np.column_stack([left // 8, left % 8])
 
 
 def _turned(parts: Matrices, dofs: str | Path | None, mesh: str | Path | None, nodes: Mesh | None) -> list[str]:
@@ -191,6 +207,8 @@ def _stray_nodes(node: np.ndarray, direction: np.ndarray, dofs: str, mesh: str, 
     if len(stray) == 0:
         return []
     remedy = "elements C3D8I add nodes of their own: use C3D8, C3D10 or C3D20"
+    if any(what.startswith("*RIGID BODY") for what in read.constraints):
+        remedy = "a *RIGID BODY without REF NODE and ROT NODE adds nodes of its own: name both, with lines under *NODE"
     if any(re.match("elements of type (S|B|CPS|CPE|M3D|T3D)", what) for what in read.skipped):
         remedy = "CalculiX expands shells, beams and plane elements to solids with nodes of their own: use solids"
     expected = f"nodes of the mesh {mesh} ({remedy})"
@@ -236,6 +254,7 @@ def _mesh_notes(mesh: Mesh | None) -> list[str]:
     if mesh.constraints:
         named = "; ".join(mesh.constraints)
         notes.append(
-            f"the mesh file makes dofs depend on others ({named}): those are not in the matrices, and count as 0"
+            f"the mesh file makes dofs depend on others ({named}): those are not in the matrices; forces on them are"
+            " refused, and pictures show them at rest"
         )
     return notes

@@ -15,7 +15,7 @@ HEADINGS = "| key | takes | unit | default | meaning |"
 # What a table is for; each table of the schema has its line.
 PURPOSES = {
     "model": "Required. The matrices, from a file of `attrito import` or as they are.",
-    "damping": "At most one kind; besides, a model may have its own damping matrix.",
+    "damping": "At most one kind; a model whose damping is a matrix takes none.",
     "reduction": "Absent: the matrices as they are. Else `modes` or `max_frequency_hz`.",
     "contact": "A contact between dofs. At least one `[[contact]]` or `[[contact_set]]`.",
     "contact_set": "Contacts between two node sets, nodes on nodes or on faces, or between one and the ground.",

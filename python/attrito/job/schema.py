@@ -214,7 +214,7 @@ TABLES: dict[str, dict[str, Key]] = {
             "start sliders of each point: of the point before, or the static ones; a listed frequency begins at the"
             " static solution then, and is what it is alone",
         ),
-        "steps": Key(integer(1), 20, "steps from corner to corner, halved where one fails"),
+        "steps": Key(integer(1, 100_000), 20, "steps from corner to corner, halved where one fails"),
         "bounds": Key(
             choice("auto", "sampled", "none"),
             "auto",

@@ -29,6 +29,7 @@ class Model:
     elastic : for each type of elements Young's modulus (user force/length^2) and Poisson's ratio `[E, 2]`, NaN where
         not known; no type: not known of any of its elements
     node_sets : for each name its node ids, ascending
+    dependent : `[k, 2]`, nodes and directions of displacements that depend on others, as the mesh file says
     size : number of dofs n; taken from the stiffness matrix when there is one
     stiffness_holds : what the stiffness holds besides that of the structure at rest: names of `HOLDINGS`
     spin_hz : speed of rotation of what it holds; None where it comes from other loads
@@ -44,6 +45,7 @@ class Model:
     elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     elastic: dict[str, np.ndarray] = field(default_factory=dict)
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    dependent: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.int64))
     size: int = 0
     stiffness_holds: tuple[str, ...] = ()
     spin_hz: float | None = None

@@ -78,6 +78,9 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
         put("dofs/direction", model.dof_direction, np.int8, words)
     if model.has_mesh:
         put("nodes/id", model.node_ids, np.int64, "node ids")
+        if len(model.dependent):
+            words = "node and direction of displacements that depend on others, which no row of the matrices has"
+            put("nodes/dependent", model.dependent, np.int64, words)
         put("nodes/coordinates", model.coordinates, np.float64, "node coordinates x, y, z", "user length")
     for kind, (ids, connectivity) in model.elements.items():
         put(f"elements/{kind}/id", ids, np.int64, f"ids of the {kind} elements")
@@ -182,6 +185,10 @@ class _Reader:
         model.node_ids, model.coordinates = self.array("nodes/id", 1), self.array("nodes/coordinates", 2)
         shape, expected = model.coordinates.shape, (len(model.node_ids), 3)
         self.expect(shape == expected, "nodes/coordinates", f"shape {shape}", f"shape {expected}")
+        if "dependent" in self.file["nodes"]:
+            model.dependent = self.array("nodes/dependent", 2)
+            self.expect(model.dependent.shape[1] == 2, "nodes/dependent", model.dependent.shape, "two columns")
+            self.known(model.dependent[:, :1], "nodes/dependent", model.node_ids)
         if model.names_dofs and len(model.dof_node) == len(model.dof_direction):
             self.known(model.dof_node[model.dof_direction > 0], "dofs/node", model.node_ids)
 

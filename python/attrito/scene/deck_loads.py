@@ -19,7 +19,7 @@ from attrito.importers.deck import Block, read_blocks
 from attrito.importers.deck_ids import set_members
 from attrito.model.pressure import pressure_forces
 from attrito.model.surfaces import FACES, element_family
-from attrito.support.errors import InputError
+from attrito.support.errors import Fault, InputError
 from attrito.support.text_files import number
 
 if TYPE_CHECKING:
@@ -40,9 +40,23 @@ def deck_force(path: str | Path, model: Model) -> np.ndarray:
             faults += error.faults
     if not faults and not any(block.keyword in ("CLOAD", "DLOAD") for block in blocks):
         faults.append(blocks[0].fault("neither *CLOAD nor *DLOAD", "a deck with forces or pressures"))
+    if not faults:
+        faults = _lost(path, reader.forces, model)
     if faults:
         raise InputError(*faults)
     return model.on_dofs(reader.forces)
+
+
+def _lost(path: str | Path, forces: np.ndarray, model: Model) -> list[Fault]:
+    """A fault where forces fall on displacements that depend on others: the matrices do not say which these are."""
+    rows = np.searchsorted(np.sort(model.node_ids), model.dependent[:, 0])
+    on_dependent = np.abs(forces[np.argsort(model.node_ids)[rows], model.dependent[:, 1] - 1]).sum()
+    if on_dependent == 0.0:
+        return []
+    value = (
+        f"{on_dependent:.6g} of {np.abs(forces).sum():.6g} on nodes that *TIE, *EQUATION, *RIGID BODY or the like move"
+    )
+    return [Fault(str(path), "forces", value, "forces on nodes that move by themselves, or on the reference node")]
 
 
 class _Reader:

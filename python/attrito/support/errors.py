@@ -5,6 +5,9 @@ from __future__ import annotations
 import errno
 from dataclasses import dataclass
 
+# Faults that a message lists
+MOST_SHOWN = 20
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -34,7 +37,10 @@ class InputError(Exception):
     """The input is at fault (exit code 2); carries every fault found, not only the first."""
 
     def __init__(self, *faults: Fault):
-        super().__init__("\n".join(str(fault) for fault in faults))
+        shown = [str(fault) for fault in faults[:MOST_SHOWN]]
+        if more := len(faults) - len(shown):
+            shown.append(f"and {more} faults more, which may have the same cause")
+        super().__init__("\n".join(shown))
         self.faults = faults
 
     def __reduce__(self):

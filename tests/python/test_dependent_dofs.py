@@ -1,0 +1,81 @@
+"""What a deck makes depend on others: forces on it are refused, angles and elongations are no displacements."""
+
+from __future__ import annotations
+
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from attrito.importers import import_model
+from attrito.model.model_file import read_model
+from attrito.scene.deck_loads import deck_force
+from attrito.support.errors import InputError
+
+STRIP = (Path(__file__).resolve().parents[2] / "input" / "strip.inp").read_text()
+TOP = 6.0
+
+
+def corners() -> dict[int, tuple[float, float, float]]:
+    """Corner nodes and others of the strip by id."""
+    lines = STRIP.split("*NODE")[1].split("*")[0].splitlines()[1:]
+    rows = [[float(word) for word in line.split(",")] for line in lines if line.strip()]
+    return {int(row[0]): tuple(row[1:]) for row in rows}
+
+
+PAD = [node for node, (x, _, z) in corners().items() if z == TOP and 45.0 <= x <= 55.0]
+OTHERS = [node for node, (x, _, z) in corners().items() if z == TOP and x > 100.0]
+RIGID = (
+    "*NODE, NSET=ref\n9001, 50., 4., 20.\n*NODE, NSET=rot\n9002, 50., 4., 20.\n*NSET, NSET=pad\n{pad}\n",
+    "*RIGID BODY, NSET=pad, REF NODE=9001, ROT NODE=9002\n",
+)
+EQUATION = ("", f"*EQUATION\n2\n{PAD[0]}, 3, 1.0, {PAD[1]}, 3, -1.0\n")
+
+
+def imported(folder: Path, parts: tuple[str, str]):
+    """The strip with lines before its elements and before its supports, through CalculiX and the import."""
+    nodes, constraint = (part.format(pad=",\n".join(map(str, PAD))) for part in parts)
+    deck = STRIP.replace("*ELEMENT", f"{nodes}*ELEMENT", 1).replace("*BOUNDARY", f"{constraint}*BOUNDARY", 1)
+    (folder / "deck.inp").write_text(deck)
+    subprocess.run(["ccx", "-i", "deck"], cwd=folder, check=True, capture_output=True)
+    _, notes = import_model(folder / "m.h5", calculix_job=folder / "deck", mesh=folder / "deck.inp")
+    return read_model(folder / "m.h5"), notes
+
+
+@pytest.fixture(scope="module", params=["rigid body", "equation"])
+def case(request, tmp_path_factory):
+    return imported(tmp_path_factory.mktemp("deck"), RIGID if request.param == "rigid body" else EQUATION)
+
+
+def force_of(folder: Path, model, text: str) -> np.ndarray:
+    (folder / "load.inp").write_text(text)
+    return deck_force(folder / "load.inp", model)
+
+
+def test_forces_on_nodes_that_depend_on_others_are_refused(case, tmp_path):
+    model, notes = case
+    assert any("forces on them are refused" in note for note in notes)
+    with pytest.raises(InputError, match=r"3 of 5 on nodes that"):
+        force_of(tmp_path, model, f"*CLOAD\n{PAD[0]}, 3, -3.0\n{OTHERS[0]}, 1, 2.0\n")
+    force = force_of(tmp_path, model, f"*CLOAD\n{OTHERS[0]}, 3, -3.0\n{OTHERS[1]}, 3, 2.0\n")
+    assert force.sum() == -1.0
+
+
+def test_a_force_on_a_support_is_no_fault(case, tmp_path):
+    model, _ = case
+    held = next(node for node, (x, _, _) in corners().items() if x == 0.0)
+    assert not force_of(tmp_path, model, f"*CLOAD\n{held}, 3, -3.0\n").any()
+
+
+def test_angles_of_a_rigid_body_are_no_displacements(tmp_path):
+    model, notes = imported(tmp_path, RIGID)
+    plain, _ = imported(tmp_path, ("", ""))
+
+    def mass(of) -> float:
+        along = of.on_dofs(np.tile([0.0, 0.0, 1.0], (len(of.node_ids), 1)))
+        return float(along @ (of.mass @ along))
+
+    assert mass(model) == pytest.approx(mass(plain), rel=1e-12)
+    assert sorted(model.dof_direction[model.dof_node == 9002]) == [4, 5, 6]
+    assert any("3 of the dofs are rotations" in note for note in notes)
