@@ -5,8 +5,8 @@
 !> The error is split by the motion that either part of the change makes by itself.
 !>
 !> The estimate is checked by a second step (`attrito_accuracy_second_step`). It is sure if that agrees with the first and all
-!> harmonics beyond have settled; or if the error, the difference of both steps and what further answers would add are together what
-!> is accepted anyway.
+!> harmonics beyond have settled; or if the error, the difference of both steps and what further answers would add are together no
+!> more than harmonics may take.
 module attrito_accuracy_error_estimate
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
@@ -100,7 +100,7 @@ contains
           asked = min(tolerance, nominal_tolerance)
           self%at_most = error + difference + second%missing
           self%is_sure = (second%unsettled == 0 .and. difference <= max(agreement*error, negligible*harmonics_share*asked)) .or. &
-                         self%at_most <= (harmonics_share + samples_share)*asked
+                         self%at_most <= harmonics_share*asked
         end if
       end if
       if (balance%receptance%harmonics < short_stiff_series .and. .not. solver%all_stick) then

@@ -21,8 +21,8 @@ module attrito_family_members
   use attrito_solve_solver, only: accepted_defect, solver_type
   implicit none
   private
-  public :: family_type, member_type, description_type, take_sliders, enter_family, leave_family, keep_member, return_to_member, solve_member, &
-            solve_member_at, describe_member, differentiate_member, work_of_visits
+  public :: family_type, member_type, description_type, take_sliders, enter_family, leave_family, keep_member, return_to_member, &
+            solve_member, solve_member_at, describe_member, differentiate_member, work_of_visits
 
   !> A solved point, and the report of its solve
   type :: member_type
