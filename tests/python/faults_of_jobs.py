@@ -105,8 +105,13 @@ JOB = [
     ),
     Case(
         "an integer beyond 32 bits",
-        put("static", steps=2**32 + 1),
-        ("job.toml: [static] steps = 4294967297: expected an integer from 1 to 2147483647",),
+        put("continuation", max_points=2**32 + 1),
+        ("job.toml: [continuation] max_points = 4294967297: expected an integer from 2 to 2147483647",),
+    ),
+    Case(
+        "a static path without an end",
+        put("static", steps=2147483647),
+        ("job.toml: [static] steps = 2147483647: expected an integer from 1 to 100000",),
     ),
     Case(
         "a load on a harmonic that is not solved for",
