@@ -90,16 +90,15 @@ contains
     none_moves = balance%ranks%largest(moving) <= 0.0_wp
   end function none_moves
 
-  !> Is there a body that neither its structure nor a contact holds: is every contact at its limit of friction, or open, at some
-  !> instant of the period? One that is shaken down is at its limit once a period: a body that moves on pushes its slider along, and
-  !> the force stays the same. A structure that leaves no motion free ends that somewhere.
+  !> Is every contact at its limit of friction, or open, at some instant of the period? One that is shaken down is at its limit
+  !> once a period: a body that moves on pushes its slider along, and the force stays the same.
   logical function none_holds(balance)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     real(wp) :: holds
 
     holds = merge(1.0_wp, 0.0_wp, any(balance%forces%state == state_stuck))
-    none_holds = balance%free%leaves_motion .and. balance%ranks%largest(holds) <= 0.0_wp
+    none_holds = balance%ranks%largest(holds) <= 0.0_wp
   end function none_holds
 
   !> Which contacts, of all ranks, touch at some instant of the last evaluation.
