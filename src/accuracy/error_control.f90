@@ -3,7 +3,7 @@
 !> Harmonics left out fade as those do that are there, so the tail of the motion says how many more, or fewer, are needed for the
 !> estimated error (`attrito_accuracy_error_estimate`). Where the estimate is not sure, a longer series is solved, and the estimate is
 !> the change of the point. So it goes on until two series agree; if that is the first two, the point stays on the shorter one, and
-!> how much less than feared the change was holds for the next points of the branch.
+!> the part that the change was of what had been open holds for the next points of the branch.
 !>
 !> Along a branch harmonics and samples stay. A change moves the branch by about its error, which may be more than a step does: the
 !> point is solved again in its own plane first, and the tangent found there. More are taken when a point asks for them, fewer when
@@ -177,8 +177,7 @@ contains
       accepted_too = self%errors%are_known() .and. accepted(self)
       if (accepted_too .and. .not. (self%estimator%is_sure .or. self%estimator%is_stiff)) then
         shown = relative_change(own_monitors(solver), monitors) + here%errors%harmonics
-        accepted_too = shown <= harmonics_share*self%tolerance
-        call trust(self, solver, shown)
+        if (shown <= harmonics_share*self%tolerance) call trust(self, solver, shown)
       end if
       accepted_too = accepted_too .and. self%estimator%is_sure
     end if
@@ -267,11 +266,11 @@ contains
     type(finer_point_type) :: finer
     type(kept_point_type) :: first
     real(wp), allocatable :: shorter(:, :)
-    real(wp) :: feared, change
+    real(wp) :: left_open, change, shown
     integer :: attempt, harmonics, samples, iterations, unsettled
     logical :: better, was_sure, can_leap
 
-    feared = 0.0_wp
+    left_open = 0.0_wp
     was_sure = .true.
     can_leap = .true.
     unsettled = 0
@@ -285,11 +284,11 @@ contains
       if (allocated(shorter)) then
         change = relative_change(shorter, own_monitors(solver))
         if (.not. self%estimator%is_sure) call compare(self, solver, change, unsettled)
-        change = change + self%errors%harmonics
-        if (attempt == 1 .and. feared > 0.0_wp .and. self%estimator%is_sure .and. change <= harmonics_share*self%tolerance) then
+        shown = change + self%errors%harmonics
+        if (attempt == 1 .and. left_open > 0.0_wp .and. self%estimator%is_sure .and. shown <= harmonics_share*self%tolerance) then
           call first%go_back(solver, self%errors)
-          self%estimator%at_most = feared
-          call trust(self, solver, change)
+          self%estimator%at_most = left_open
+          call trust(self, solver, shown)
           self%next_harmonics = solver%options%harmonics
           self%next_samples = solver%options%samples
           exit
@@ -311,7 +310,7 @@ contains
         harmonics = min(max(harmonics, next_longer(solver%options%harmonics), unsettled), most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
         if (attempt == 0 .and. accepted(self) .and. .not. self%estimator%is_stiff) then
-          feared = self%estimator%at_most
+          left_open = self%estimator%at_most
           call first%take(solver, self%errors)
         end if
       end if

@@ -6,6 +6,7 @@ import numpy as np
 
 from attrito.importers.deck import Block
 from attrito.importers.deck_ids import element_ids, fields, set_members
+from attrito.support.text_files import number
 
 
 def elastic_constants(blocks: list[Block], elements: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -58,9 +59,9 @@ def _constants(line: str) -> tuple[float, float] | None:
     Parameters in angle brackets are no numbers, and a material that nothing is made of may have any: neither is a fault
     of a model whose matrices are right.
     """
-    words = [word.upper().replace("D", "E") for word in fields(line)[:2]]
+    words = fields(line)[:2]
     try:
-        young, poisson = float(words[0]), float(words[1]) if len(words) > 1 and words[1] else 0.0
+        young, poisson = number(words[0]), number(words[1]) if len(words) > 1 and words[1] else 0.0
     except ValueError:
         return None
     return (young, poisson) if young > 0.0 and -1.0 < poisson < 0.5 else None

@@ -85,7 +85,7 @@ class Schedule:
 
     @property
     def return_work(self) -> float:
-        """What it takes to return to a point and to make its factors anew: as long as the mean point."""
+        """What it takes to return to a point and to factorise again: as much as the mean point."""
         return self.earned / max(self.points, 1)
 
     @property

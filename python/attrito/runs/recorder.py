@@ -118,7 +118,7 @@ class Recorder:
         yield from (read_record(self._path, start) for start in self._starts)
 
     def _load(self, record: Record | None) -> None:
-        """Let the solver stand at the point of a record, which the root has."""
+        """Take the solver back to the point of a record, which the root has."""
         states = None
         if record is not None:
             states = [record.arrays[f"state/{rank}"] for rank in range(self._comm.size)]
@@ -126,7 +126,7 @@ class Recorder:
             raise InputError(Fault(self._path, "state", "of another version", f"what attrito {__version__} wrote"))
 
     def return_to(self, number: int) -> None:
-        """Let the solver stand at a point that is written, by its number, as its solution left the contacts."""
+        """Take the solver back to a point that is written, by its number, with contacts as its solution left them."""
         record = read_record(self._path, self._starts[number]) if self._comm.rank == 0 else None
         self._load(record)
         taken = None
