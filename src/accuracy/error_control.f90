@@ -113,6 +113,7 @@ contains
     call store%keep(self%compared(1))
     call store%keep(self%compared(2))
     call store%keep(self%change)
+    call self%estimator%keep(store)
   end subroutine keep
 
   !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.
@@ -306,8 +307,8 @@ contains
       if (self%choose_harmonics .and. .not. self%estimator%is_sure) then
         was_sure = was_sure .and. self%estimator%is_stiff
         unsettled = min(self%estimator%unsettled, most_harmonics)
-        harmonics = min(harmonics, most_growth*solver%options%harmonics)
-        harmonics = min(max(harmonics, next_longer(solver%options%harmonics), unsettled), most_harmonics)
+        harmonics = min(max(harmonics, unsettled), most_growth*solver%options%harmonics)
+        harmonics = min(max(harmonics, next_longer(solver%options%harmonics)), most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
         if (attempt == 0 .and. accepted(self) .and. .not. self%estimator%is_stiff) then
           left_open = self%estimator%at_most

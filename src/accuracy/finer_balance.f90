@@ -4,8 +4,9 @@
 !>    (I + R D) \, \delta d = -R \, \delta g $$
 !>
 !> The forces that the balance leaves out move the structure at harmonics beyond H, through the receptance of the stuck modes, which
-!> is diagonal; contacts that feel this motion too give other forces at the harmonics that are kept, and these move the point by one
-!> linearised step, along the equation that picked the point. More samples change the forces alone. Contacts that stick are linear.
+!> is diagonal, or that of the structure with its contacts as in the mean (`attrito_accuracy_mean_contacts`); contacts that feel this
+!> motion too give other forces at the harmonics that are kept, and these move the point by one linearised step, along the equation
+!> that picked the point. More samples change the forces alone. Contacts that stick are linear.
 module attrito_accuracy_finer_balance
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized, to_complex, to_real
@@ -19,9 +20,10 @@ module attrito_accuracy_finer_balance
   use attrito_contact_state, only: state_slipping
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_solve_solver, only: solver_type
+  use attrito_accuracy_mean_contacts, only: mean_contacts_type
   implicit none
   private
-  public :: densification, finer_balance_type, new_finer_balance, finer_point_type, solve_for_estimate
+  public :: densification, finer_balance_type, finer_point_type, solve_for_estimate
 
   !> Damping ratio of modes beyond H that have none of their own: it keeps their resonances finite
   real(wp), parameter :: nominal_ratio = 0.01_wp ! guess
@@ -39,7 +41,10 @@ module attrito_accuracy_finer_balance
     integer :: harmonics = 0
     !> Its samples are asked for no gradient
     type(quadrature_type) :: quadrature
+    !> What answers beyond H are made with
+    type(mean_contacts_type) :: contacts
   contains
+    procedure :: set
     procedure :: correct
     procedure :: respond_beyond
     procedure :: evaluate
@@ -74,17 +79,18 @@ module attrito_accuracy_finer_balance
 
 contains
 
-  !> For so many harmonics and samples.
-  function new_finer_balance(harmonics, samples, by_events) result(self)
+  !> For so many harmonics and samples; contacts in the mean stay.
+  subroutine set(self, harmonics, samples, by_events)
+    class(finer_balance_type), intent(inout) :: self
     !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
     !> Are events preferred to samples?
     logical, intent(in) :: by_events
-    type(finer_balance_type) :: self
 
+    call self%destroy()
     self%harmonics = harmonics
     self%quadrature = quadrature_type(by_events, fourier=new_fourier(0, samples), grid=new_grid(harmonics))
-  end function new_finer_balance
+  end subroutine set
 
   !> The solver's present point, corrected.
   subroutine correct(self, solver, point, status)
@@ -103,7 +109,7 @@ contains
       allocate (response(size(balance%response, 1), 0:self%harmonics), source=(0.0_wp, 0.0_wp))
       response(:, :balance%receptance%harmonics) = balance%response
       call forces_at_own_motion(self, solver, deviation, by_samples)
-      call self%respond_beyond(solver, deviation, response)
+      call self%respond_beyond(solver, resized(solver%motion, 2*self%harmonics + 1), deviation, response)
       point%motion = resized(solver%motion, 2*self%harmonics + 1)
       if (self%harmonics > balance%receptance%harmonics) then
         associate (beyond => balance%receptance%harmonics + 1)
@@ -189,32 +195,45 @@ contains
     end associate
   end subroutine respond_to_change
 
-  !> Response at the harmonics beyond H to the contact forces and loads there.
-  subroutine respond_beyond(self, solver, deviation, response)
+  !> Response at the harmonics beyond H to the contact forces at a motion and to the loads there.
+  subroutine respond_beyond(self, solver, motion, deviation, response)
     class(finer_balance_type), intent(in) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> Of this rank's rows [2 K + 1, rows]
-    real(wp), intent(in) :: deviation(:, :)
+    !> Of this rank's rows, and the deviation there [2 K + 1, rows]
+    real(wp), intent(in) :: motion(:, :), deviation(:, :)
     !> Coordinates of the response, by harmonic
     complex(wp), intent(inout) :: response(:, 0:)
     real(wp) :: forces(2*self%harmonics + 1, size(response, 1)), beyond(2*self%harmonics + 1, size(deviation, 2))
-    complex(wp), allocatable :: columns(:, :)
+    complex(wp), allocatable :: columns(:, :), answers(:, :)
     integer :: k, loaded
+    logical :: in_the_mean
 
     associate (balance => solver%context%balance, lowest => solver%context%balance%receptance%harmonics + 1)
       if (self%harmonics < lowest) return
       k = 2*self%harmonics + 1
-      ! Most contacts stick, and have no force there.
+      in_the_mean = allocated(self%contacts%receptance)
       beyond = deviation
+      if (in_the_mean) call self%contacts%release(balance, motion, beyond)
+      ! Most contacts stick, and have no force there.
       beyond(:2*lowest - 1, :) = 0.0_wp
       forces = -balance%contact_rows%load_of(beyond)
       call balance%ranks%sum(forces)
       loaded = min(size(solver%structure%harmonic_load, 2), k)
       forces(:loaded, :) = forces(:loaded, :) &
                            + balance%level*to_real(balance%receptance%project_loads(solver%structure%harmonic_load(:, :loaded)))
-      columns = to_complex(forces)
-      call balance%receptance%respond_beyond(solver%omega, nominal_ratio, columns(:, lowest + 1:), response(:, lowest:))
+      if (in_the_mean) then
+        columns = self%contacts%receptance%project_loads(transpose(forces))
+        allocate (answers, mold=columns)
+        answers(:, :lowest) = 0.0_wp
+        call self%contacts%receptance%respond_beyond(lowest, solver%omega, nominal_ratio, columns(:, lowest + 1:), &
+                                                 answers(:, lowest + 1:))
+        columns = to_complex(self%contacts%receptance%displacements(answers))
+        response(:, lowest:) = columns(:, lowest + 1:)
+      else
+        columns = to_complex(forces)
+        call balance%receptance%respond_beyond(lowest, solver%omega, nominal_ratio, columns(:, lowest + 1:), response(:, lowest:))
+      end if
     end associate
   end subroutine respond_beyond
 

@@ -1,16 +1,19 @@
 !> Does the linearised step hold that a finer balance was estimated by? Contact forces are evaluated where it ended, and a second step
 !> is made from there.
 !>
-!> $$ \rho_h = B \tilde Z_h^{-1} (f_h - B^T g_h(d^1)) - d^1_h, \qquad (I + R D) \, \delta^2 = \rho \quad (h \le H), \qquad
-!>    d^2_h = d^1_h + \rho_h \quad (h > H) $$
+!> $$ \rho_h = B \tilde Z_h^{-1} (f_h - B^T g_h(d)) - d_h, \qquad (I + R D) \, \delta^2 = \rho \quad (h \le H), \qquad
+!>    d_h \leftarrow d_h + \rho_h \quad (h > H) $$
 !>
-!> Beyond H the contacts feel the motion that they cause there themselves: d^1_h answers forces without it, d^2_h with it once. Where
-!> both are in a ratio 1 + lambda, all further answers together come to d^1_h / (1 - lambda). That is much more than d^2_h if a
-!> natural frequency of the structure, its contacts slipping or open as they do in the mean, lies near h omega.
+!> Beyond H the contacts feel the motion that they cause there themselves: the first answer d^1_h is that to forces without it, the
+!> second to forces with it once. Where the second changes the first by lambda times that, all further answers together come to
+!> lambda / (1 - lambda) times the change. If that is too much, further answers are found, mixed as Anderson's method does, until the
+!> last change is small.
+!> Source: Walker & Ni 2011, doi:10.1137/10078356X.
 module attrito_accuracy_second_step
   use attrito_core_kinds, only: wp
   use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, solve_for_estimate
   use attrito_newton_linearised_step, only: change_of_deviation
+  use attrito_core_anderson, only: anderson_type
   use attrito_core_trigonometric, only: to_complex
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_contact_forces, only: contact_forces_type
@@ -43,7 +46,7 @@ module attrito_accuracy_second_step
 contains
 
   !> From where the first step has ended; `first` stays.
-  subroutine step_again(finer, solver, first, threshold, second)
+  subroutine step_again(finer, solver, first, threshold, most_answers, second)
     !> Balance with more harmonics or samples
     type(finer_balance_type), intent(in) :: finer
     !> Solver of points, which this moves
@@ -52,27 +55,40 @@ contains
     type(finer_point_type), intent(in) :: first
     !> Part of the monitors' motion, and ten times that of the contacts', that may be missing of a harmonic
     real(wp), intent(in) :: threshold
+    !> Answers beyond the second at most
+    integer, intent(in) :: most_answers
     !> The second step
     type(second_step_type), intent(out) :: second
     type(unknowns_type) :: right, moved
+    type(answers_type) :: answers
+    type(anderson_type) :: mixing
     complex(wp), allocatable :: response(:, :), added(:, :)
-    real(wp), allocatable :: deviation(:, :), change(:, :), motion(:, :), monitors(:, :), released(:, :)
-    integer :: k, status
+    real(wp), allocatable :: deviation(:, :), change(:, :), released(:, :)
+    real(wp), allocatable :: motion(:, :), answer(:, :), monitors(:, :), of_motion(:, :)
+    integer :: i, k, status
 
     associate (balance => solver%context%balance, harmonics => solver%context%balance%receptance%harmonics)
       k = balance%coefficients()
-      call evaluate_all(finer, solver, first, deviation, change, released)
       allocate (response, mold=first%response)
-      response(:, harmonics + 1:) = 0.0_wp
       allocate (added, mold=balance%response)
-      call balance%respond_to_deviation(change, added)
-      response(:, :harmonics) = balance%response + added
-      call finer%respond_beyond(solver, deviation, response)
-      call add_frequency(response, first%omega - solver%omega)
-      motion = balance%contact_rows%motion_of(response)
-      monitors = balance%monitors%motion_of(response)
-      call sum_further(answers_of(solver, first%motion, motion, first%monitors, monitors), (k + 1)/2, threshold, second)
-      right = unknowns_type(motion(:k, :) - first%motion(:k, :), released)
+      motion = first%motion
+      of_motion = first%monitors
+      do i = 0, most_answers
+        call evaluate_all(finer, solver, first, motion, deviation, change, released)
+        response(:, harmonics + 1:) = 0.0_wp
+        call balance%respond_to_deviation(change, added)
+        response(:, :harmonics) = balance%response + added
+        call finer%respond_beyond(solver, motion, deviation, response)
+        call add_frequency(response, first%omega - solver%omega)
+        answer = balance%contact_rows%motion_of(response)
+        monitors = balance%monitors%motion_of(response)
+        call compare(answers, solver, motion, answer, of_motion, monitors, anew=i == 0)
+        call sum_further(answers, (k + 1)/2, threshold, second)
+        if (second%unsettled == 0) exit
+        of_motion = monitors
+        motion(k + 1:, :) = mixing%next(balance%ranks, motion(k + 1:, :), answer(k + 1:, :))
+      end do
+      right = unknowns_type(answer(:k, :) - first%motion(:k, :), released)
       call solve_for_estimate(solver, right, moved, status, first%asked)
       if (status /= 0) return
       call balance%respond_to_deviation(change_of_deviation(balance, right, moved), added)
@@ -100,14 +116,16 @@ contains
     end subroutine add_frequency
   end subroutine step_again
 
-  !> Forces of all contacts of this rank where the first step has ended, those included that stuck before it.
-  subroutine evaluate_all(finer, solver, first, deviation, change, released)
+  !> Forces of all contacts of this rank at a motion, those included that stuck before it.
+  subroutine evaluate_all(finer, solver, first, motion, deviation, change, released)
     !> Balance with more harmonics or samples
     type(finer_balance_type), intent(in) :: finer
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: first
+    !> Of this rank's rows [2 K + 1, rows]
+    real(wp), intent(in) :: motion(:, :)
     !> Deviation [2 K + 1, rows], what it is changed by up to H [2 H + 1, rows], where periodic sliders have yet to go [2, contacts]
     real(wp), allocatable, intent(out) :: deviation(:, :), change(:, :), released(:, :)
     type(contact_forces_type) :: forces
@@ -115,14 +133,14 @@ contains
 
     associate (balance => solver%context%balance)
       k = balance%coefficients()
-      allocate (deviation(size(first%motion, 1), balance%rows()), change(k, balance%rows()), &
+      allocate (deviation(size(motion, 1), balance%rows()), change(k, balance%rows()), &
                 released(size(balance%slider, 1), size(balance%law)), source=0.0_wp)
       do i = 1, size(balance%law)
         associate (law => balance%law(i), before => balance%forces(i), row => balance%law(i)%first_row, &
                    last => balance%law(i)%first_row + balance%law(i)%tangents)
           if (allocated(forces%deviation)) deallocate (forces%deviation)
           allocate (forces%deviation(size(deviation, 1), law%tangents + 1))
-          call finer%evaluate(solver, i, first%motion(:, row:last), before%slider + first%slider(:, i), forces)
+          call finer%evaluate(solver, i, motion(:, row:last), before%slider + first%slider(:, i), forces)
           deviation(:, row:last) = forces%deviation
           change(:, row:last) = forces%deviation(:k, :) - before%deviation(:k, :)
           if (before%periodic) released(:, i) = forces%moved - before%moved
@@ -131,14 +149,16 @@ contains
     end associate
   end subroutine evaluate_all
 
-  !> What two answers are, harmonic by harmonic: squares of the contacts' first motion and of its change, their product, and what
-  !> the answers after the second add to every monitor for each unit of lambda / (1 - lambda).
-  function answers_of(solver, first, second, first_monitors, second_monitors) result(answers)
+  !> What two answers are, harmonic by harmonic. Their ratio is that of the first two.
+  subroutine compare(answers, solver, first, second, first_monitors, second_monitors, anew)
+    !> Takes it
+    type(answers_type), intent(inout) :: answers
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Motion of this rank's rows [2 K + 1, rows], and monitors [2 K + 1, monitors]
     real(wp), intent(in) :: first(:, :), second(:, :), first_monitors(:, :), second_monitors(:, :)
-    type(answers_type) :: answers
+    !> Are these the first two?
+    logical, intent(in) :: anew
     complex(wp), allocatable :: before(:, :), change(:, :)
     real(wp) :: sums(size(first, 1)/2, 4)
     complex(wp) :: product
@@ -154,10 +174,10 @@ contains
     call solver%context%balance%ranks%sum(sums)
     answers%before = sqrt(sums(:, 1))
     answers%change = sqrt(sums(:, 2))
-    answers%ratio = cmplx(sums(:, 3), sums(:, 4), wp)/max(sums(:, 1), tiny(1.0_wp))
+    if (anew) answers%ratio = cmplx(sums(:, 3), sums(:, 4), wp)/max(sums(:, 1), tiny(1.0_wp))
     answers%monitors = abs(to_complex(first_monitors))
     answers%change_of_monitors = abs(to_complex(second_monitors - first_monitors))
-  end function answers_of
+  end subroutine compare
 
   !> What answers beyond the second would add at harmonics from one on, and the highest at which that is more than a threshold.
   pure subroutine sum_further(answers, lowest, threshold, second)
@@ -174,12 +194,14 @@ contains
     real(wp) :: swing, swings(size(answers%monitors, 1)), further, part
     integer :: h
 
+    second%missing = 0.0_wp
+    second%unsettled = 0
     swing = max(norm2(answers%before), tiny(1.0_wp))
     swings = max(sqrt(sum(answers%monitors(:, 2:)**2, 2)), tiny(1.0_wp))
     do h = lowest, size(answers%before)
       further = abs(answers%ratio(h))/max(abs(1.0_wp - answers%ratio(h)), least_distance)
       part = further*max(weight*answers%change(h)/swing, maxval(answers%change_of_monitors(:, h + 1)/swings))
-      second%missing = second%missing + part
+      second%missing = hypot(second%missing, part)
       if (part > threshold) second%unsettled = h
     end do
   end subroutine sum_further

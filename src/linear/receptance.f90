@@ -191,14 +191,16 @@ module attrito_linear_receptance
     end subroutine state_at_start
 
     !> X_h at harmonics beyond those it answers for, through the modes of the stuck system, each with its own part of the damping.
-    subroutine respond_beyond(self, omega, least_ratio, force, response)
+    subroutine respond_beyond(self, first, omega, least_ratio, force, response)
       import :: receptance_type, wp
       class(receptance_type), intent(in) :: self
+      !> Harmonic to begin at
+      integer, intent(in) :: first
       !> Angular frequency; damping ratio of modes that have no damping, which keeps their resonances finite
       real(wp), intent(in) :: omega, least_ratio
-      !> F_h from harmonic H + 1 on [n, harmonics]
+      !> F_h from that harmonic on [n, harmonics]
       complex(wp), intent(in) :: force(:, :)
-      !> X_h from harmonic H + 1 on [n, harmonics]
+      !> X_h from that harmonic on [n, harmonics]
       complex(wp), intent(out) :: response(:, :)
     end subroutine respond_beyond
 

@@ -188,20 +188,22 @@ contains
   end function stiffness_rate
 
   !> Damping and Coriolis forces count for each mode by itself, structural damping as it is: i h omega x^H G x is real.
-  subroutine respond_beyond(self, omega, least_ratio, force, response)
+  subroutine respond_beyond(self, first, omega, least_ratio, force, response)
     class(receptance_cyclic_direct_type), intent(in) :: self
+    !> Harmonic to begin at
+    integer, intent(in) :: first
     !> Angular frequency, rad/s; damping ratio of modes that have no damping
     real(wp), intent(in) :: omega, least_ratio
-    !> Forces on the coordinates from harmonic H + 1 on
+    !> Forces on the coordinates from that harmonic on
     complex(wp), intent(in) :: force(:, :)
-    !> Coordinates of the response from harmonic H + 1 on
+    !> Coordinates of the response from that harmonic on
     complex(wp), intent(out) :: response(:, :)
     complex(wp) :: shapes(size(force, 1), size(force, 1)), viscous(size(force, 1))
     real(wp) :: loss(size(force, 1))
     integer :: i
 
     do i = 1, size(force, 2)
-      associate (h => self%harmonics + i, modes => self%diameters(first_alike(self%harmonics + i, self%period)))
+      associate (h => first + i - 1, modes => self%diameters(first_alike(first + i - 1, self%period)))
         shapes = modes%modes
         if (is_mirrored(h, self%period)) shapes = conjg(shapes)
         viscous = sum(conjg(shapes)*matmul(of_harmonic(self, self%viscous, h), shapes), 1)

@@ -100,18 +100,20 @@ contains
     end associate
   end function stiffness_rate
 
-  subroutine respond_beyond(self, omega, least_ratio, force, response)
+  subroutine respond_beyond(self, first, omega, least_ratio, force, response)
     class(receptance_cyclic_modal_type), intent(in) :: self
+    !> Harmonic to begin at
+    integer, intent(in) :: first
     !> Angular frequency, rad/s; damping ratio of modes that have no damping
     real(wp), intent(in) :: omega, least_ratio
-    !> Forces on the coordinates from harmonic H + 1 on
+    !> Forces on the coordinates from that harmonic on
     complex(wp), intent(in) :: force(:, :)
-    !> Coordinates of the response from harmonic H + 1 on
+    !> Coordinates of the response from that harmonic on
     complex(wp), intent(out) :: response(:, :)
     integer :: i
 
     do i = 1, size(force, 2)
-      associate (h => self%harmonics + i, modes => self%diameters(first_alike(self%harmonics + i, self%period)))
+      associate (h => first + i - 1, modes => self%diameters(first_alike(first + i - 1, self%period)))
         response(:, i) = force(:, i)/finite_stiffness(h*omega, modes%modal_stiffness, modes%modal_mass, modes%modal_damping, &
                                                       0.0_wp, least_ratio)
       end associate

@@ -159,19 +159,21 @@ contains
     product = (0.0_wp, 1.0_wp)*h*matmul(damping_of(self), response) - 2.0_wp*h**2*self%omega*matmul(self%mass, response)
   end function stiffness_rate
 
-  subroutine respond_beyond(self, omega, least_ratio, force, response)
+  subroutine respond_beyond(self, first, omega, least_ratio, force, response)
     class(receptance_direct_type), intent(in) :: self
+    !> Harmonic to begin at
+    integer, intent(in) :: first
     !> Angular frequency, rad/s; damping ratio of modes that have no damping
     real(wp), intent(in) :: omega, least_ratio
-    !> Forces on the coordinates from harmonic H + 1 on
+    !> Forces on the coordinates from that harmonic on
     complex(wp), intent(in) :: force(:, :)
-    !> Coordinates of the response from harmonic H + 1 on
+    !> Coordinates of the response from that harmonic on
     complex(wp), intent(out) :: response(:, :)
     integer :: i
 
     response = matmul(transpose(self%modes), force)
     do i = 1, size(force, 2)
-      response(:, i) = response(:, i)/finite_stiffness((self%harmonics + i)*omega, self%modal_stiffness, self%modal_mass, &
+      response(:, i) = response(:, i)/finite_stiffness((first + i - 1)*omega, self%modal_stiffness, self%modal_mass, &
                                                        self%modal_damping, self%modal_loss, least_ratio)
     end do
     response = matmul(self%modes, response)

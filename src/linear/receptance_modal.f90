@@ -102,18 +102,20 @@ contains
     product = modal_stiffness_rate(self, h, self%modal_mass, self%modal_damping)*response
   end function stiffness_rate
 
-  subroutine respond_beyond(self, omega, least_ratio, force, response)
+  subroutine respond_beyond(self, first, omega, least_ratio, force, response)
     class(receptance_modal_type), intent(in) :: self
+    !> Harmonic to begin at
+    integer, intent(in) :: first
     !> Angular frequency, rad/s; damping ratio of modes that have no damping
     real(wp), intent(in) :: omega, least_ratio
-    !> Forces on the coordinates from harmonic H + 1 on
+    !> Forces on the coordinates from that harmonic on
     complex(wp), intent(in) :: force(:, :)
-    !> Coordinates of the response from harmonic H + 1 on
+    !> Coordinates of the response from that harmonic on
     complex(wp), intent(out) :: response(:, :)
     integer :: i
 
     do i = 1, size(force, 2)
-      response(:, i) = force(:, i)/finite_stiffness((self%harmonics + i)*omega, self%modal_stiffness, self%modal_mass, &
+      response(:, i) = force(:, i)/finite_stiffness((first + i - 1)*omega, self%modal_stiffness, self%modal_mass, &
                                                     self%modal_damping, 0.0_wp, least_ratio)
     end do
   end subroutine respond_beyond

@@ -20,6 +20,9 @@ module attrito_newton_condensed_krylov
   private
   public :: krylov_options_type, solve_by_krylov
 
+  !> Iterations of GMRES that a step preconditioned on two levels is expected to take until there is one
+  integer, parameter :: two_level_iterations = 60 ! measured
+
   type :: krylov_options_type
     !> Residual of the linear system, relative to its right-hand side; and what a product may leave out of a mode
     real(wp) :: tolerance = 1.0e-4_wp
@@ -130,7 +133,7 @@ contains
     context%options = options
     allocate (outcome%step%rows, mold=context%right%rows)
     outcome%step%rows = 0.0_wp
-    call kept%reference%prepare(balance, stiffening, serves)
+    call kept%reference%prepare(balance, stiffening, kept%two_level%expected(two_level_iterations), serves)
     if (serves) call solve_by_tangent(context, kept, outcome)
     if (serves .and. .not. is_final(outcome)) call kept%reference%forget()
     if (.not. is_final(outcome)) call solve_on_two_levels(context, stiffening, kept, outcome)

@@ -16,6 +16,7 @@ module attrito_newton_kept_factors
     procedure :: pays
     procedure :: patience
     procedure :: count
+    procedure :: expected
     procedure :: discard
   end type kept_factors_type
 
@@ -59,6 +60,15 @@ contains
     if (self%usual < 0) self%usual = iterations
     self%excess = self%excess + max(iterations - self%usual, 0)
   end subroutine count
+
+  !> Iterations that a solve is expected to take: as many as the last with factors just made.
+  pure integer function expected(self, unknown)
+    class(kept_factors_type), intent(in) :: self
+    !> Iterations if there was none
+    integer, intent(in) :: unknown
+
+    expected = merge(self%usual, unknown, self%usual >= 0)
+  end function expected
 
   !> Never to be used again.
   pure subroutine discard(self)

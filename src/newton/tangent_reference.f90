@@ -13,16 +13,15 @@ module attrito_newton_tangent_reference
   use attrito_model_contacts, only: contact_type
   use attrito_newton_active_jacobian, only: contact_jacobian_type
   use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_linear_opened_modes, only: flops_of_modes
   use attrito_linear_receptance, only: receptance_type
   implicit none
   private
   public :: tangent_reference_type
 
-  !> Iterations of GMRES that are counted for a step preconditioned on two levels, and by the tangent reference; steps that factors
-  !> of the contacts left over serve
-  integer, parameter :: two_level_iterations = 60, tangent_iterations = 6, steps_served = 2 ! measured
-  !> Flops of the modes, times the cube of their number
-  real(wp), parameter :: flops_of_modes = 20.0_wp ! measured
+  !> Iterations of GMRES that are counted for a step preconditioned by the tangent reference; steps that factors of the contacts left
+  !> over serve
+  integer, parameter :: tangent_iterations = 6, steps_served = 2 ! measured
   !> Part of their springs kept in the step that leaves open contacts as good as open
   real(wp), parameter :: hardly_kept = 1.0e-6_wp ! derived
   !> Part of the springs that counts as rounding of the Jacobian
@@ -47,12 +46,14 @@ module attrito_newton_tangent_reference
 contains
 
   !> Make ready for a step at the balance's last evaluation. Does the reference serve it?
-  subroutine prepare(self, balance, stiffening, serves)
+  subroutine prepare(self, balance, stiffening, two_level_iterations, serves)
     class(tangent_reference_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Part of their springs that contacts keep
     real(wp), intent(in) :: stiffening
+    !> Of GMRES that a step preconditioned on two levels is expected to take
+    integer, intent(in) :: two_level_iterations
     !> Is it there, and cheaper than two levels?
     logical, intent(out) :: serves
     real(wp) :: counts(3), two_level

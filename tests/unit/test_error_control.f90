@@ -1,7 +1,7 @@
 !> The estimated error of a point, where it can be estimated and where it cannot.
 program test_error_control
   use attrito_accuracy_error_control, only: error_control_type
-  use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type, new_finer_balance
+  use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type
   use attrito_accuracy_second_step, only: second_step_type, step_again
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
@@ -16,6 +16,7 @@ program test_error_control
   call run_in_session('error_control', [ &
                       test('the estimate is what three times the harmonics change', finer), &
                       test('a second step comes nearer to the finer balance than the first', second_step), &
+                      test('further answers settle on the same motion, contacts stuck or as in the mean', settled), &
                       test('where the linearised step is singular no error is given, and the point stays', singular)])
 
 contains
@@ -63,9 +64,9 @@ contains
     if (allocated(error)) return
     solver%context%balance%monitors = solver%context%balance%contact_rows%part([1])
     before = norm2(solver%motion(2:3, 1))
-    finer = new_finer_balance(3, solver%options%samples, solver%options%by_events)
+    call finer%set(3, solver%options%samples, solver%options%by_events)
     call finer%correct(solver, first, status)
-    call step_again(finer, solver, first, 1.0e-3_wp, second)
+    call step_again(finer, solver, first, 1.0e-3_wp, 0, second)
     call check(error, status == 0 .and. allocated(second%monitors), 'a step is singular')
     if (allocated(error)) return
     once = norm2(first%monitors(2:3, 1))
@@ -75,6 +76,40 @@ contains
     call finer%destroy()
     call solver%destroy()
   end subroutine second_step
+
+  !> The wedge in one harmonic: answers beyond are those to the forces that the motion makes, whatever they are iterated with.
+  subroutine settled(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    type(finer_balance_type) :: finer
+    type(finer_point_type) :: first
+    type(second_step_type) :: second(0:2)
+    logical :: is_new
+    integer :: i, status
+
+    call solve_wedge(1, solver, error)
+    if (allocated(error)) return
+    solver%context%balance%monitors = solver%context%balance%contact_rows%part([1, 2])
+    call finer%set(7, solver%options%samples, solver%options%by_events)
+    call finer%correct(solver, first, status)
+    call step_again(finer, solver, first, 0.0_wp, 0, second(0))
+    call step_again(finer, solver, first, 0.0_wp, 30, second(1))
+    call finer%contacts%take(solver%context%balance, is_new)
+    call check(error, is_new, 'no contact is open or slips: the test is void')
+    if (allocated(error)) return
+    call step_again(finer, solver, first, 0.0_wp, 30, second(2))
+    associate (scale => norm2(second(1)%monitors(4:, :)))
+      call check(error, norm2(second(0)%monitors(4:, :) - second(1)%monitors(4:, :)) > 1.0e-3_wp*scale, 'two answers do: void')
+      call check_close(error, norm2(second(2)%monitors(4:, :) - second(1)%monitors(4:, :)), 0.0_wp, 1.0e-6_wp*scale, 'motion')
+    end associate
+    do i = 0, 2
+      call check(error, allocated(second(i)%monitors), 'a step is singular')
+    end do
+    call finer%contacts%take(solver%context%balance, is_new)
+    call check(error, .not. is_new, 'the same contacts are taken twice')
+    call finer%destroy()
+    call solver%destroy()
+  end subroutine settled
 
   !> An equation that picks no point, 0 . d + 0 omega = 0, leaves the bordered system with a row of zeros.
   subroutine singular(error)

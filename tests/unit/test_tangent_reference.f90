@@ -213,14 +213,14 @@ contains
     logical :: serves
 
     call prepare(damping_mass, 0.1_wp, balance, motion)
-    call kept%reference%prepare(balance, 0.0_wp, serves)
+    call kept%reference%prepare(balance, 0.0_wp, 60, serves)
     call check(error, serves, 'it does not serve at all: the test is void')
-    call kept%reference%prepare(balance, 1.0e-7_wp, serves)
+    call kept%reference%prepare(balance, 1.0e-7_wp, 60, serves)
     call check(error, serves, 'it does not serve where hardly anything of the springs is kept')
-    call kept%reference%prepare(balance, 0.1_wp, serves)
+    call kept%reference%prepare(balance, 0.1_wp, 60, serves)
     call check(error, .not. serves, 'it serves where springs are kept')
     call balance%apply_mean_springs(0.5_wp)
-    call kept%reference%prepare(balance, 0.0_wp, serves)
+    call kept%reference%prepare(balance, 0.0_wp, 60, serves)
     call check(error, .not. serves, 'it serves where springs hold the mean')
     call balance%destroy()
   end subroutine other_springs

@@ -1,0 +1,142 @@
+!> The structure with its contacts as they are in the mean over the period, which answers forces at the harmonics beyond a series:
+!>
+!> $$ (I + R_h D_0) \, d_h = -R_h (g_h - D_0 d_h) \quad \Leftrightarrow \quad d_h = -R'_h (g_h - D_0 d_h), \qquad
+!>    D_0 = -\mathrm{diag}(\theta_i k_i) $$
+!>
+!> D_0 is what the Jacobian of the forces has on its diagonal at the highest harmonic of the series: a contact that is open has lost
+!> its springs k, one that slips for half the period half of its tangential spring. R' is the receptance of the structure without what
+!> is lost, in its own modes. Answers without D_0 hardly converge where a natural frequency of that structure lies near h omega, and
+!> all the less the more contacts are open.
+module attrito_accuracy_mean_contacts
+  use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_linear_receptance, only: receptance_type
+  implicit none
+  private
+  public :: mean_contacts_type
+
+  !> Part of its spring that a row keeps at least, which holds bodies that are free without
+  real(wp), parameter :: least_kept = 1.0e-3_wp ! guess
+  !> Parts of springs lost that count as none, and by which they change until modes are found anew, relative to what is lost
+  real(wp), parameter :: negligible = 0.01_wp, changed = 0.1_wp ! guess
+
+  type :: mean_contacts_type
+    !> R'; not allocated where nothing is known to be lost, or damping couples the modes
+    class(receptance_type), allocatable :: receptance
+    !> Numbers of the rows of B, of all ranks, that have lost something of their springs, ascending, and theta k
+    real(wp), allocatable, private :: rows(:), lost(:)
+  contains
+    procedure :: prepare
+    procedure :: take
+    procedure :: release
+    procedure :: keep
+  end type mean_contacts_type
+
+contains
+
+  !> Have R' at hand, if anything is known to be lost.
+  subroutine prepare(self, balance)
+    class(mean_contacts_type), intent(inout) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+
+    if (allocated(self%receptance) .or. .not. allocated(self%rows)) return
+    if (size(self%rows) > 0) call balance%receptance%without_springs(nint(self%rows), self%lost, self%receptance)
+  end subroutine prepare
+
+  !> Take the contacts as they are at the balance's last evaluation, unless they hardly differ from those at hand.
+  subroutine take(self, balance, is_new)
+    class(mean_contacts_type), intent(inout) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    !> Is there another R'?
+    logical, intent(out) :: is_new
+    real(wp) :: springs(balance%rows()), lost(balance%rows()), sums(2)
+    real(wp), allocatable :: together(:, :)
+    integer, allocatable :: mine(:), all(:)
+    integer :: i
+
+    call find_lost(balance, springs, lost)
+    sums = [sum(((lost - lost_of(self, balance))/springs)**2), sum((lost/springs)**2)]
+    call balance%ranks%sum(sums)
+    is_new = sums(1) > changed**2*sums(2)
+    if (.not. is_new) return
+    mine = pack([(i, i=1, size(lost))], lost > 0.0_wp)
+    call balance%ranks%gather_integers(balance%first_row - 1 + mine, all)
+    allocate (together(1, size(all)))
+    call balance%ranks%gather_columns_everywhere(reshape(lost(mine), [1, size(mine)]), together)
+    self%rows = real(all, wp)
+    self%lost = together(1, :)
+    if (allocated(self%receptance)) deallocate (self%receptance)
+    call self%prepare(balance)
+    is_new = allocated(self%receptance)
+  end subroutine take
+
+  !> Springs of this rank's rows, and what they lose in the mean.
+  pure subroutine find_lost(balance, springs, lost)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    !> Above zero; theta k [rows]
+    real(wp), intent(out) :: springs(:), lost(:)
+    real(wp) :: part
+    integer :: i, j, k, last
+
+    k = balance%coefficients()
+    lost = 0.0_wp
+    do i = 1, size(balance%law)
+      associate (law => balance%law(i), forces => balance%forces(i), first => balance%law(i)%first_row - 1)
+        springs(first + 1:first + law%tangents) = max(law%tangential_stiffness, tiny(1.0_wp))
+        springs(first + law%tangents + 1) = max(law%normal_stiffness, tiny(1.0_wp))
+        if (.not. allocated(forces%jacobian) .or. k == 1) cycle
+        do j = 1, law%tangents + 1
+          last = j*k
+          part = -0.5_wp*(forces%jacobian(last - 1, last - 1) + forces%jacobian(last, last))/springs(first + j)
+          if (part > negligible) lost(first + j) = min(part, 1.0_wp - least_kept)*springs(first + j)
+        end do
+      end associate
+    end do
+  end subroutine find_lost
+
+  !> What is known to be lost of this rank's rows [rows].
+  pure function lost_of(self, balance) result(lost)
+    type(mean_contacts_type), intent(in) :: self
+    !> Harmonic balance: the first of this rank's rows
+    type(balance_type), intent(in) :: balance
+    real(wp) :: lost(balance%rows())
+    integer :: i
+
+    lost = 0.0_wp
+    if (.not. allocated(self%rows)) return
+    do i = 1, size(self%rows)
+      associate (own => nint(self%rows(i)) - balance%first_row + 1)
+        if (own >= 1 .and. own <= size(lost)) lost(own) = self%lost(i)
+      end associate
+    end do
+  end function lost_of
+
+  !> Leave D_0 d out of a deviation: g - D_0 d.
+  pure subroutine release(self, balance, motion, deviation)
+    class(mean_contacts_type), intent(in) :: self
+    !> Harmonic balance: the first of this rank's rows
+    type(balance_type), intent(in) :: balance
+    !> Of this rank's rows [coefficients, rows]
+    real(wp), intent(in) :: motion(:, :)
+    real(wp), intent(inout) :: deviation(:, :)
+
+    deviation = deviation + spread(lost_of(self, balance), 1, size(motion, 1))*motion
+  end subroutine release
+
+  !> Save or load what the next point depends on: modes follow from what is lost.
+  subroutine keep(self, store)
+    class(mean_contacts_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
+    type(state_store_type), intent(inout) :: store
+
+    if (store%reading .and. allocated(self%receptance)) deallocate (self%receptance)
+    if (.not. allocated(self%rows)) self%rows = [real(wp) ::]
+    if (.not. allocated(self%lost)) self%lost = [real(wp) ::]
+    call store%keep(self%rows)
+    call store%keep(self%lost)
+  end subroutine keep
+end module attrito_accuracy_mean_contacts

@@ -1,0 +1,62 @@
+!> Fixed points x = G(x) by Anderson's method: the next x is the mixture of the last answers whose residuals f = G(x) - x cancel best,
+!>
+!> $$ x_{n+1} = G(x_n) - \sum_j \gamma_j \, (G(x_{j+1}) - G(x_j)), \qquad
+!>    \gamma = \arg\min \Big| f_n - \sum_j \gamma_j (f_{j+1} - f_j) \Big| $$
+!>
+!> If G is linear that is GMRES. Answers need not converge by themselves.
+!> Source: Walker & Ni 2011, doi:10.1137/10078356X.
+module attrito_core_anderson
+  use attrito_core_communicator, only: communicator_type
+  use attrito_core_kinds, only: wp
+  use attrito_core_lapack, only: solve_dense
+  implicit none
+  private
+  public :: anderson_type
+
+  type :: anderson_type
+    !> Changes of residuals and of answers from one x to the next, this rank's part [size, answers - 1]
+    real(wp), allocatable, private :: residuals(:, :), answers(:, :)
+    !> The last of both [size]
+    real(wp), allocatable, private :: residual(:), answer(:)
+  contains
+    procedure :: next
+  end type anderson_type
+
+contains
+
+  !> The next x.
+  function next(self, ranks, x, answer)
+    class(anderson_type), intent(inout) :: self
+    !> That share x
+    type(communicator_type), intent(in) :: ranks
+    !> x and G(x), this rank's part
+    real(wp), intent(in) :: x(:, :), answer(:, :)
+    real(wp) :: next(size(x, 1), size(x, 2))
+    !> Part of a square of changes of residuals that is added to it, so that changes which are all alike have an answer
+    real(wp), parameter :: rounding = 1.0e-12_wp ! derived
+    real(wp), allocatable :: now(:), residual(:), products(:, :), right(:, :)
+    integer :: i, n, status
+
+    now = reshape(answer, [size(answer)])
+    residual = now - reshape(x, [size(x)])
+    next = answer
+    if (allocated(self%residual)) then
+      self%residuals = reshape([self%residuals, residual - self%residual], [size(now), size(self%residuals, 2) + 1])
+      self%answers = reshape([self%answers, now - self%answer], shape(self%residuals))
+      n = size(self%residuals, 2)
+      products = matmul(transpose(self%residuals), self%residuals)
+      right = matmul(transpose(self%residuals), reshape(residual, [size(residual), 1]))
+      call ranks%sum(products)
+      call ranks%sum(right)
+      do i = 1, n
+        products(i, i) = products(i, i)*(1.0_wp + rounding) + tiny(1.0_wp)
+      end do
+      call solve_dense(products, right, status)
+      if (status == 0) next = reshape(now - matmul(self%answers, right(:, 1)), shape(next))
+    else
+      allocate (self%residuals(size(now), 0), self%answers(size(now), 0))
+    end if
+    self%residual = residual
+    self%answer = now
+  end function next
+end module attrito_core_anderson
