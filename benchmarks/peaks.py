@@ -16,7 +16,7 @@ harmonics and samples:
 The first must be the value to 1e-4. The second may differ: where the peak is not unique (sliders keep the way there),
 where solutions coexist, and where the response has another, higher peak; these are counted apart. Whether the
 coarse sweep of `attrito peak` from the followed peak notices it is counted, too, with what that costs. Cost is work
-(`src/balance/work.f90`) of a run without its static path, by value and by peak, in sweeps at the run's values, and of
+(`src/balance/work.f90`) of a run without its static paths, by value and by peak, in sweeps at the run's values, and of
 the coarse sweeps.
 
 JSON on standard output; `--output` keeps a line of JSON a run, as it ends. Runs that the file holds already are not
@@ -155,6 +155,17 @@ class Task:
         return peaks_scenes.make(self.seed, self.number)
 
 
+class Counted(Solver):
+    """Counts how often it follows a static path, always the same here."""
+
+    static_paths = 0
+
+    def follow_static_path(self, path: np.ndarray, steps: int, frequency_hz: float) -> np.ndarray:
+        """See `Solver.follow_static_path`."""
+        self.static_paths += 1
+        return super().follow_static_path(path, steps, frequency_hz)
+
+
 def new_run(task: Task) -> Run:
     """A run that has found nothing yet."""
     keys = keys_of(task.scene(), task.way)["peak"]
@@ -170,11 +181,14 @@ def run(task: Task) -> Run:
     found: list[Found] = []
     states: list[np.ndarray] = []
     looks_at = (PATH, STATIC_STEPS, 0, "half_range", scene.band_hz)
+    preload = keys["start"] if keys["parameter"] == "preload" else 1.0
     with (
-        Solver(MPI.COMM_SELF, scene.reduced, task.options) as solver,
+        Counted(MPI.COMM_SELF, scene.reduced, task.options) as solver,
         HigherPeaks(MPI.COMM_SELF, scene.reduced, task.options, *looks_at) as looking,
     ):
         try:
+            solver.follow_static_path(PATH * preload, STATIC_STEPS, scene.band_hz[0])
+            static_work = solver.static_work
             for one in follow(solver, job, scene.reduced, PATH, looking):
                 found.append(one)
                 states.append(solver.save_state())
@@ -184,7 +198,7 @@ def run(task: Task) -> Run:
         except NumericsError as error:
             done.ending = str(error)
         done.look_work = looking.work
-        done.work = (found[-1].peak.point.work if found else solver.static_work) - solver.static_work
+        done.work = found[-1].peak.point.work - solver.static_paths * static_work if found else 0.0
     done.seconds = time.process_time() - started
     solved = [one for one in found if one.converged]
     done.peaks = len(solved)

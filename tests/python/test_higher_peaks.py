@@ -18,6 +18,7 @@ from attrito.peaks.curve import Found
 from attrito.peaks.file import higher_in_words
 from attrito.peaks.higher import COARSE, HALF_POWER, Followed, Higher, HigherPeaks
 from attrito.peaks.run import follow
+from attrito.studies.sample_peaks import SamplePeaks
 
 NAMES = ("higher_frequency_hz", "higher_amplitude", "swept_low_hz", "swept_high_hz")
 PATH = np.array([[0.0], [1.0]])
@@ -178,3 +179,38 @@ def test_the_highest_maximum_of_a_resonance_is_followed_and_another_is_told_of(s
     # All sticks: the curve goes on as far as the level, without another jump.
     assert rest[-1].peak.amplitude == pytest.approx(2.0 * height[followed], rel=1e-7)
     assert not any(one.moved for one in rest)
+
+
+class Samples(SamplePeaks):
+    """Two masses by the friction force of the second."""
+
+    def scene_of(self, job: dict) -> tuple[ReducedScene, np.ndarray, Options]:
+        """See `Samples.scene_of`."""
+        return two_masses(job["limit"]), PATH, Options(harmonics=3, by_events=True)
+
+
+def test_a_sample_is_the_highest_maximum_of_the_band_where_its_neighbours_is_another():
+    """Stuck, the second mode is the highest; once it slips the first is, of which the neighbour knows nothing."""
+    keys = {"parameter": "level", "start": 1.0, "stop": 2.0, "values": [], "monitor": None, "amplitude": "half_range"}
+    keys |= {"near_hz": None, "optimum": False, "max_points": 10, "look_for_higher": True}
+    sweep = {"frequencies_hz": None, "start_hz": BAND[0], "stop_hz": BAND[1]}
+    job = {"peak": keys, "sweep": sweep, "static": {"steps": 1}}
+    samples = Samples(MPI.COMM_SELF, None)
+    stuck, slipping = (samples.of(job | {"limit": limit}, [1.0])[0] for limit in (1e6, 14.0))
+    samples.close()
+    assert stuck["frequency_hz"] == pytest.approx(RATES[1] / (2.0 * np.pi), rel=0.01)
+    scene, _, options = samples.scene_of({"limit": 14.0})
+    looks = (MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND)
+    with Solver(MPI.COMM_SELF, scene, options) as solver, HigherPeaks(*looks) as looking:
+        followed = next(follow(solver, job, scene, PATH, looking)).peak
+        solver.follow_static_path(PATH, 1, BAND[0])
+        # A step is 1/220 of the first mode's half width, 2.5 % of its frequency: a maximum between two is missed by
+        # (1/440)^2 / 2 = 3e-6. The second mode is less sharp where it slips.
+        frequencies = np.linspace(*BAND, 30_001)
+        listed = np.array([point.amplitude[0] for point in solver.solve_at(frequencies.tolist(), 1.0, 0)])
+    second = listed[frequencies > np.sqrt(RATES.prod()) / (2.0 * np.pi)].max()
+    # The test is void unless the neighbour's maximum is still there, and lower.
+    assert slipping["method"] == "near" and second < 0.9 * listed.max()
+    assert listed.max() <= slipping["amplitude"] * (1.0 + 1e-9) <= listed.max() * (1.0 + 1e-5)
+    assert slipping["amplitude"] == pytest.approx(followed.amplitude, rel=1e-9)
+    assert slipping["frequency_hz"] == pytest.approx(followed.frequency_hz, rel=1e-6)

@@ -26,8 +26,9 @@ from attrito.library.session import Options, Solver
 from attrito.peaks import run as peaking
 from attrito.peaks.curve import Found, ending_of, jumps
 from attrito.peaks.file import read_peaks
+from attrito.peaks.first import find
 from attrito.peaks.plot import peak_curve
-from attrito.peaks.run import begin, follow
+from attrito.peaks.run import follow
 from attrito.support.errors import NumericsError
 from attrito_verification.paper.wedge import BAND, FORCES, PARAMETER_SETS, PRELOAD, Wedge
 
@@ -131,7 +132,7 @@ def test_followed_in_the_preload_the_peak_is_that_in_the_level_by_similarity():
         job = curve_job(parameter="preload", start=2.0, stop=0.5, values=[1.0], level=24.0)
         by_preload = [one for one in follow(solver, job, wedge.scene, path) if one.kind == "value"]
     with Solver(MPI.COMM_SELF, wedge.scene, wedge._options) as solver:
-        tracker, _ = begin(solver, curve_job(), wedge.scene, path, 12.0)
+        tracker = find(solver, curve_job(), wedge.scene, path, 12.0).tracker
         for one in by_preload:
             # Twice all loads is twice the motion.
             level = 24.0 / one.peak.parameter

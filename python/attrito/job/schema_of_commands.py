@@ -49,8 +49,8 @@ COMMANDS: dict[str, dict[str, Key]] = {
         "look_for_higher": Key(
             boolean,
             True,
-            "at start, stop and values sweep the band coarsely for a higher peak than the one followed; one of the same"
-            " resonance is followed from there"
+            "at start, stop and values sweep the band coarsely for a higher peak than the one followed: at start the"
+            " highest is begun at, later one of the same resonance is followed from there; studies take the highest"
             " ([peaks.md](peaks.md#a-higher-peak))",
         ),
         "max_points": Key(integer(2), 1000, "of the curve"),

@@ -12,14 +12,15 @@ from attrito.library.names import AMPLITUDES, ENDINGS, PARAMETERS
 from attrito.library.points import Point
 from attrito.library.session import Solver
 from attrito.library.structures import RawPeak, omega, pointer
-from attrito.support.errors import NumericsError
 
 # Points of the linear response between its ends, besides those at natural frequencies, to find its largest peak.
 LINEAR_POINTS = 400
 NATURAL_FREQUENCIES = 40
-# Then so many between the neighbours of the largest, again and again until they are within this part of the frequency.
-# That takes no longer than one of scipy's minimisers, whose import takes longer than all that is done here.
-BETWEEN, LINEAR_PART = 17, 1e-9
+# Then so many between the neighbours of the largest, again and again until these are lower by at most FALL, relative;
+# then the vertex of the parabola through the three. Nearer to the peak rounding would choose the largest, and all that
+# begins there would depend on it: 1e-8 leaves some 1e-12 of the frequency to either. At a corner, until they are within
+# CORNER of the frequency. That takes no longer than one of scipy's minimisers, whose import takes longer than all that.
+BETWEEN, FALL, CORNER = 17, 1e-8, 1e-9
 
 
 @dataclass(frozen=True)
@@ -94,7 +95,10 @@ class PeakTracker:
         self.parameter = PARAMETERS[0]
 
     def linear_peak_hz(self) -> float:
-        """The largest peak of the linear response in the band, contacts open or stuck as they are at rest, Hz."""
+        """The largest peak of the linear response in the band, contacts open or stuck as they are at rest, Hz.
+
+        If it has none inside, the end of the band at which it is largest.
+        """
         low, high = self._band
         natural = self._solver.linear_response("tangent", np.array([low]), NATURAL_FREQUENCIES)[1]
         grid = np.unique(np.concatenate([np.linspace(low, high, LINEAR_POINTS), natural]))
@@ -102,11 +106,16 @@ class PeakTracker:
         amplitude = self._solver.linear_response("tangent", grid, 0)[0][self._monitor]
         largest = int(np.nanargmax(amplitude))
         if largest in (0, len(grid) - 1):
-            raise NumericsError(f"the linear response has no peak between {low:g} and {high:g} Hz to begin with")
-        while (high := grid[largest + 1]) - (low := grid[largest - 1]) > LINEAR_PART * high:
+            return float(grid[largest])
+        while (high := grid[largest + 1]) - (low := grid[largest - 1]) > CORNER * high:
             grid = np.linspace(low, high, BETWEEN)
             amplitude = self._solver.linear_response("tangent", grid, 0)[0][self._monitor]
             largest = int(np.clip(np.nanargmax(amplitude), 1, BETWEEN - 2))
+            before, here, after = amplitude[largest - 1 : largest + 2]
+            if here - min(before, after) <= FALL * here:
+                bend = before - 2.0 * here + after
+                share = 0.5 * (before - after) / bend if bend < 0.0 else 0.0
+                return float(grid[largest] + np.clip(share, -1.0, 1.0) * (grid[1] - grid[0]))
         return float(grid[largest])
 
     def begin(self, level: float, near_hz: float, branch: int = 0) -> Peak:

@@ -15,7 +15,8 @@ peak.
 
 from __future__ import annotations
 
-from contextlib import ExitStack
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -146,30 +147,60 @@ class HigherPeaks:
         """Close the session."""
         self._open.close()
 
-    def beside(self, followed: Followed, preload: float = 1.0) -> tuple[Higher, Followed | None, Start | None]:
+    def take(self, scene: ReducedScene, load_path: np.ndarray, steps: int, band_hz: tuple[float, float]) -> bool:
+        """Go on with a scene that differs in friction, gaps and preloads of contacts alone; False if in more."""
+        if self._session is None or not self._session.take(scene):
+            return False
+        self._scene, self._path, self._steps, self._band = scene, load_path, steps, band_hz
+        return True
+
+    def beside(
+        self, followed: Followed, preload: float = 1.0, *, anywhere: bool = False
+    ) -> tuple[Higher, Followed | None, Start | None]:
         """What there is beside a peak, whose static loads have a factor `preload`.
 
         Returns
         -------
-        what is higher than the highest maximum of the peak's resonance; that maximum and its motion, None if it is the
-        followed peak itself
+        what is higher than the highest maximum of the peak's resonance, or `anywhere` in the band; that maximum and
+        its motion, None if it is the followed peak itself
         """
-        if preload == 1.0:
-            if self._session is None:
-                self._session = self._open.enter_context(self._solver(1.0))
-            return self._look(self._session, followed, preload)
-        with self._solver(preload) as solver:
-            return self._look(solver, followed, preload)
+        with self._at_rest(preload) as solver:
+            return self._look(solver, followed, preload, anywhere)
 
-    def _solver(self, preload: float) -> Solver:
-        solver = Solver(self._comm, self._scene, self._options)
-        solver.follow_static_path(self._path * preload, self._steps, self._band[0])
-        return solver
+    def across(self, level: float, preload: float = 1.0) -> Start | None:
+        """A motion near the highest maximum of a sweep over the band from rest; None where that does not arrive."""
+        with self._at_rest(preload) as solver:
+            start, end = self._band[::-1]
+            self.work -= solver.static_work
+            swept = self._sweep(solver, solver.sweep(start, end, level, 0, MOST_POINTS), start, end, 0.0, True)
+        highest = max(swept.maxima, key=lambda one: one.amplitude, default=None)
+        return None if highest is None or not swept.reached_end else highest.start
 
-    def _look(self, solver: Solver, followed: Followed, preload: float) -> tuple[Higher, Followed | None, Start | None]:
-        sweeps = [self._sweep(solver, followed, end) for end in self._band]
+    @contextmanager
+    def _at_rest(self, preload: float) -> Iterator[Solver]:
+        """A session at the end of its static path, kept open if that is the whole one."""
+        with ExitStack() as stack:
+            if self._session is None or preload != 1.0:
+                where = self._open if preload == 1.0 else stack
+                solver = where.enter_context(Solver(self._comm, self._scene, self._options))
+                self._session = solver if preload == 1.0 else self._session
+            else:
+                solver = self._session
+            solver.follow_static_path(self._path * preload, self._steps, self._band[0])
+            yield solver
+
+    def _look(
+        self, solver: Solver, followed: Followed, preload: float, anywhere: bool
+    ) -> tuple[Higher, Followed | None, Start | None]:
+        peak, sweeps = followed.peak, []
+        for end in self._band:
+            solver.load_state(followed.state)
+            points = solver.sweep(peak.frequency_hz, end, peak.level, 0, MOST_POINTS, self._band)
+            # The state has brought its own count of work along.
+            self.work -= peak.point.work
+            sweeps.append(self._sweep(solver, points, peak.frequency_hz, end, peak.amplitude, anywhere))
         maxima = [one for swept in sweeps for one in swept.maxima]
-        better, start = self._highest_of_resonance(solver, followed.peak, maxima, preload)
+        better, start = self._highest_of_kept(solver, peak, maxima, preload)
         height = (followed if better is None else better).peak.amplitude
         drifts = any(swept.drifts_at > (1.0 + SAME) * height for swept in sweeps)
         swept_hz = (sweeps[0].farthest_hz, sweeps[1].farthest_hz)
@@ -177,17 +208,17 @@ class HigherPeaks:
         found = best[::-1] if best[0] > (1.0 + HIGHER) * height else (np.nan, np.nan)
         return Higher(swept_hz, all(swept.reached_end for swept in sweeps), *found, drifts), better, start
 
-    def _sweep(self, solver: Solver, followed: Followed, end: float) -> Sweep:
-        """From a followed peak towards an end of the band, or to where it is not solved."""
-        peak = followed.peak
-        solver.load_state(followed.state)
+    def _sweep(
+        self, solver: Solver, points: Iterator[Point], begin: float, end: float, amplitude: float, anywhere: bool
+    ) -> Sweep:
+        """From a peak of an amplitude, or anything (0), towards an end of the band, or to where it is not solved."""
         maxima: list[Maximum] = []
         last: Maximum | None = None
-        rises, gap, farthest, drifts_at = False, 0, peak.frequency_hz, -np.inf
-        for point in solver.sweep(peak.frequency_hz, end, peak.level, 0, MOST_POINTS, self._band):
+        rises, gap, farthest, drifts_at = False, 0, begin, -np.inf
+        for point in points:
             height = self._amplitude(point)
             if not point.is_solved:
-                of_resonance = last is not None and last.least >= HALF_POWER * peak.amplitude
+                of_resonance = last is not None and last.least >= HALF_POWER * amplitude
                 if not of_resonance or point.outcome != "no_period_one_orbit" or gap == WIDEST_GAP:
                     break
                 gap, drifts_at = gap + 1, last.amplitude
@@ -199,24 +230,25 @@ class HigherPeaks:
                 maxima.append(last)
             rises = last is not None and height > last.amplitude
             least = height if last is None else min(height, last.least)
-            of_one = least >= HALF_POWER * (height if self._chosen else min(height, peak.amplitude))
-            kept = rises and of_one and height > (1.0 - 0.1 * COARSE) * peak.amplitude
+            of_one = anywhere or least >= HALF_POWER * (height if self._chosen else min(height, amplitude))
+            kept = rises and of_one and height > (1.0 - 0.1 * COARSE) * amplitude
             start = Start(point.frequency_hz, solver.coordinates()) if kept else None
             state = solver.save_state() if kept else None
             last = Maximum(height, point.frequency_hz, least, start, state, point.work)
-            farthest = (min if end < peak.frequency_hz else max)(farthest, point.frequency_hz)
-        # The state has brought its own count of work along.
-        self.work += point.work - peak.point.work
+            farthest = (min if end < begin else max)(farthest, point.frequency_hz)
+        self.work += point.work
         return Sweep(maxima, farthest, point.is_solved and gap == 0 and point.reached_stop, drifts_at)
 
-    def _highest_of_resonance(
+    def _highest_of_kept(
         self, solver: Solver, peak: Peak, maxima: list[Maximum], preload: float
     ) -> tuple[Followed | None, Start | None]:
-        """The highest peak above those maxima that are of the followed one's resonance, None if that is the highest."""
+        """The highest peak above those maxima that are kept, None if the followed one is the highest."""
         tracker = PeakTracker(solver, self._monitor, self._measure, self._band, self._path[-1])
         kept = sorted((one for one in maxima if one.state is not None), key=lambda one: -one.amplitude)
         better, start, height = None, None, (1.0 + SAME) * peak.amplitude
         for one in kept[:MOST_CLIMBS]:
+            if one.amplitude < (1.0 - 0.1 * COARSE) * height:
+                break
             solver.load_state(one.state)
             climbed = tracker.begin_near(one.start, peak.level, preload)
             self.work += climbed.point.work - one.work

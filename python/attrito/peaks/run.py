@@ -18,7 +18,7 @@ from attrito.library.session import Options, Solver
 from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode, lost_in_words
 from attrito.peaks.curve import Backbone, Ending, Found, elasticity, ending_of
 from attrito.peaks.file import higher_in_words, jumps_in_words, table, write
-from attrito.peaks.first import band_of, begin, monitor_of
+from attrito.peaks.first import band_of, drifting, find, looking_for_higher, monitor_of
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.higher import Followed, HigherPeaks
 from attrito.runs.followed import follow_job
@@ -72,7 +72,7 @@ def _follow_and_show(
         with (
             Solver(comm, reduced, options) as solver,
             _warning_of_statics(progress, solver),
-            _looking(comm, job, options, reduced, load_path) as looking,
+            looking_for_higher(comm, job, options, reduced, load_path) as looking,
         ):
             differentiator = Differentiator(comm, solver, job, scene, reduced)
             try:
@@ -137,16 +137,12 @@ def follow(
     `looking` finds what is higher at values asked for; a higher maximum of the same resonance is followed from there.
     """
     keys = job["peak"]
-    tracker, peak = begin(solver, job, scene, load_path, keys["start"])
-    if keys["parameter"] == "preload" and peak.outcome != "not_converged":
+    first = find(solver, job, scene, load_path, keys["start"], looking)
+    tracker, peak = first.tracker, first.peak
+    if keys["parameter"] == "preload" and first.found:
         peak = tracker.follow_in("preload")
     stops = _stops(keys)
-    if peak.outcome == "not_converged":
-        yield Found(peak, "value")
-        return
-    value = _look_about(solver, tracker, looking, peak)
-    peak = value.peak
-    yield value
+    yield Found(peak, "value", higher=first.higher, moved=first.moved)
     if peak.outcome == "not_converged":
         return
     count = 1
@@ -160,6 +156,9 @@ def follow(
                 if optimum is not None:
                     yield Found(optimum, "optimum")
                 peak = tracker.at(peak.parameter)
+                if peak.outcome != "not_converged":
+                    # Rounding decides the search's last values: steps farther on begin anew, by no tangent of theirs.
+                    tracker.follow_in(tracker.parameter)
             count += 1
             if reached and peak.outcome != "not_converged":
                 value = _look_about(solver, tracker, looking, peak)
@@ -182,8 +181,7 @@ def _look_about(solver: Solver, tracker: PeakTracker, looking: HigherPeaks | Non
     preload = peak.parameter if tracker.parameter == "preload" else 1.0
     higher, better, start = looking.beside(Followed(peak, state), preload)
     if higher.drifts:
-        nowhere = peak.point._replace(outcome="not_converged")
-        return Found(replace(peak, point=nowhere, ending="no_periodic_motion"), "value", higher=higher)
+        return Found(drifting(peak), "value", higher=higher)
     if better is None or start is None:
         return Found(peak, "value", higher=higher)
     solver.load_state(better.state)
@@ -192,21 +190,6 @@ def _look_about(solver: Solver, tracker: PeakTracker, looking: HigherPeaks | Non
     if moved.outcome != "not_converged" and parameter == "preload":
         moved = tracker.follow_in(parameter)
     return Found(moved, "value", higher=higher, moved=True)
-
-
-@contextlib.contextmanager
-def _looking(
-    comm: Comm, job: Job, options: Options, scene: ReducedScene, load_path: np.ndarray
-) -> Iterator[HigherPeaks | None]:
-    """What looks for higher peaks at the values asked for; None where the job does not want it."""
-    keys, band = job["peak"], band_of(job)
-    if not keys["look_for_higher"]:
-        yield None
-        return
-    monitor, steps = monitor_of(job, scene), job["static"]["steps"]
-    chosen = keys["near_hz"] is not None
-    with HigherPeaks(comm, scene, options, load_path, steps, monitor, keys["amplitude"], band, chosen) as looking:
-        yield looking
 
 
 def follow_mode(

@@ -18,6 +18,7 @@ from attrito.library.derivatives import Rates
 from attrito.library.family import Family
 from attrito.library.peak_tracker import Peak
 from attrito.library.session import Solver
+from attrito.peaks.first import factors
 from attrito.runs.peak_slopes import of_peak
 from attrito.runs.slider_rates import LoadPath, end_sliders
 from attrito.scene.rom_file import Rom
@@ -166,6 +167,4 @@ class SlopedPeaks(SamplePeaks):
     def _factors(self, values: np.ndarray, stop: int) -> tuple[float, float]:
         """Level and preload of a peak: linear in what is varied."""
         changed = self._changed(values)
-        value = self._study.stops(changed)[stop]
-        keys = changed["peak"]
-        return (value, 1.0) if keys["parameter"] == "level" else (keys["level"], value)
+        return factors(changed, self._study.stops(changed)[stop])
