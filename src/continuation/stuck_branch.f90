@@ -31,7 +31,7 @@ contains
     type(snapshot_type) :: before
     type(tangent_type) :: tangent
     type(curve_point_type) :: point
-    real(wp) :: part, error, whole
+    real(wp) :: part, error, whole, place
 
     accepted = .false.
     if (.not. (solver%all_stick .and. stepper%looked_ahead)) return
@@ -46,11 +46,13 @@ contains
       if (abs(solver%omega - before%omega) <= smallest_step*solver%context%frequency_scale) exit
       if (error > 1.0_wp) then
         part = part*min(max(error**(-0.25_wp), shortest), longest)
-      else if (stepper%place_within(point) > 0.0_wp) then
-        whole = stepper%omega_within(point, stepper%place_within(point)) - before%omega
-        part = 1.0_wp
       else
-        exit
+        place = stepper%place_within(point)
+        if (place <= 0.0_wp) exit
+        whole = solver%omega - before%omega
+        part = (stepper%omega_within(point, place) - before%omega)/whole
+        ! The drawn frequency may go beyond either end, where it is no place to end at.
+        if (part <= 0.0_wp .or. part >= 1.0_wp) part = longest
       end if
       call restore(solver, before)
     end do

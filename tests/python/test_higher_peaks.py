@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+from dataclasses import replace
 
 import h5py
 import jobs
@@ -179,6 +180,18 @@ def test_the_highest_maximum_of_a_resonance_is_followed_and_another_is_told_of(s
     # All sticks: the curve goes on as far as the level, without another jump.
     assert rest[-1].peak.amplitude == pytest.approx(2.0 * height[followed], rel=1e-7)
     assert not any(one.moved for one in rest)
+
+
+@pytest.mark.parametrize("end", [2.4, 2.49, 2.51, 2.6])
+def test_a_sweep_ends_beside_a_resonance_that_its_monitor_does_not_show(end):
+    """The motion turns there, so that the drawn frequency goes beyond the end: the step was tried again for ever."""
+    scene = replace(two_masses(limit=1e6), monitors=np.array([[1.0, 0.0]]))
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3, by_events=True)) as solver:
+        solver.follow_static_path(PATH, 1, BAND[0])
+        *_, last = solver.sweep(BAND[0], end / (2.0 * np.pi), 1.0, 0, 200)
+    assert last.reached_stop and last.frequency_hz == pytest.approx(end / (2.0 * np.pi), rel=1e-12)
+    expected = FORCES[0] / abs(RATES[0] ** 2 - end**2 + 1j * DAMPING * end)
+    assert last.amplitude[0] == pytest.approx(expected, rel=1e-9)
 
 
 class Samples(SamplePeaks):
