@@ -182,6 +182,40 @@ def test_the_highest_maximum_of_a_resonance_is_followed_and_another_is_told_of(s
     assert not any(one.moved for one in rest)
 
 
+class Samples(SamplePeaks):
+    """Two masses by the friction force of the second."""
+
+    def scene_of(self, job: dict) -> tuple[ReducedScene, np.ndarray, Options]:
+        """See `Samples.scene_of`."""
+        return two_masses(job["limit"], forces=job.get("forces", FORCES)), PATH, Options(harmonics=3, by_events=True)
+
+
+def job_of_samples() -> dict:
+    """What `SamplePeaks` reads of a job, and what `follow` does."""
+    keys = {"parameter": "level", "start": 1.0, "stop": 2.0, "values": [], "monitor": None, "amplitude": "half_range"}
+    keys |= {"near_hz": None, "optimum": False, "max_points": 10, "look_for_higher": True}
+    sweep = {"frequencies_hz": None, "start_hz": BAND[0], "stop_hz": BAND[1]}
+    return {"peak": keys, "sweep": sweep, "static": {"steps": 1}}
+
+
+# Of the first mode 1 / (0.05 * 1) = 20; of the second 1 / (0.05 * 2.5) = 8, below half power, or 2.1 times that
+@pytest.mark.parametrize(("forces", "swept"), [((1.0, 1.0), [1, 0, 1]), ((1.0, 2.1), [1, 1, 1])])
+def test_the_band_is_swept_again_unless_a_sample_nearly_the_same_had_a_peak_that_stands_alone(
+    forces, swept, monkeypatch
+):
+    calls = []
+    beside = HigherPeaks.beside
+    monkeypatch.setattr(HigherPeaks, "beside", lambda *here, **keys: calls.append(1) or beside(*here, **keys))
+    samples, counts = Samples(MPI.COMM_SELF, None), []
+    # The second is 4 % off, the third 6 % off the first
+    for limit in (1e6, 1.04e6, 1.06e6):
+        (row,) = samples.of(job_of_samples() | {"limit": limit, "forces": np.array(forces)}, [1.0])
+        counts.append(len(calls) - sum(counts))
+    samples.close()
+    assert counts == swept
+    assert row["outcome"] == "converged"
+
+
 @pytest.mark.parametrize("end", [2.4, 2.49, 2.51, 2.6])
 def test_a_sweep_ends_beside_a_resonance_that_its_monitor_does_not_show(end):
     """The motion turns there, so that the drawn frequency goes beyond the end: the step was tried again for ever."""
@@ -194,20 +228,9 @@ def test_a_sweep_ends_beside_a_resonance_that_its_monitor_does_not_show(end):
     assert last.amplitude[0] == pytest.approx(expected, rel=1e-9)
 
 
-class Samples(SamplePeaks):
-    """Two masses by the friction force of the second."""
-
-    def scene_of(self, job: dict) -> tuple[ReducedScene, np.ndarray, Options]:
-        """See `Samples.scene_of`."""
-        return two_masses(job["limit"]), PATH, Options(harmonics=3, by_events=True)
-
-
 def test_a_sample_is_the_highest_maximum_of_the_band_where_its_neighbours_is_another():
     """Stuck, the second mode is the highest; once it slips the first is, of which the neighbour knows nothing."""
-    keys = {"parameter": "level", "start": 1.0, "stop": 2.0, "values": [], "monitor": None, "amplitude": "half_range"}
-    keys |= {"near_hz": None, "optimum": False, "max_points": 10, "look_for_higher": True}
-    sweep = {"frequencies_hz": None, "start_hz": BAND[0], "stop_hz": BAND[1]}
-    job = {"peak": keys, "sweep": sweep, "static": {"steps": 1}}
+    job = job_of_samples()
     samples = Samples(MPI.COMM_SELF, None)
     stuck, slipping = (samples.of(job | {"limit": limit}, [1.0])[0] for limit in (1e6, 14.0))
     samples.close()

@@ -54,6 +54,8 @@ class Higher:
     whole : whether that is the whole band
     frequency_hz, amplitude : of the highest peak, Hz and user length; NaN where none is higher than the followed one
     drifts : whether the resonance of the followed peak is highest beside frequencies without periodic motion
+    alone_hz : frequencies of half power about a followed peak that stands alone: the response falls to them without a
+        shoulder, as that of one oscillator falls, and is below half power in the rest of the band; None of any other
     """
 
     swept_hz: tuple[float, float]
@@ -61,6 +63,7 @@ class Higher:
     frequency_hz: float
     amplitude: float
     drifts: bool = False
+    alone_hz: tuple[float, float] | None = None
 
     @property
     def exists(self) -> bool:
@@ -97,13 +100,15 @@ class Sweep:
     """A sweep from a followed peak.
 
     `farthest_hz`: to where it was solved; `drifts_at`: the larger amplitude beside frequencies without periodic motion
-    within the peak's resonance; -inf if there are none.
+    within the peak's resonance; -inf if there are none. `frequencies_hz`, `heights`: of its points that are solved.
     """
 
     maxima: list[Maximum]
     farthest_hz: float
     reached_end: bool
     drifts_at: float
+    frequencies_hz: list[float]
+    heights: list[float]
 
 
 class HigherPeaks:
@@ -206,7 +211,10 @@ class HigherPeaks:
         swept_hz = (sweeps[0].farthest_hz, sweeps[1].farthest_hz)
         best = max(((one.amplitude, one.frequency_hz) for one in maxima), default=(-np.inf, np.nan))
         found = best[::-1] if best[0] > (1.0 + HIGHER) * height else (np.nan, np.nan)
-        return Higher(swept_hz, all(swept.reached_end for swept in sweeps), *found, drifts), better, start
+        whole = all(swept.reached_end for swept in sweeps)
+        falls_to = [_falls_to(swept.frequencies_hz, swept.heights) for swept in sweeps]
+        alone = (falls_to[0], falls_to[1]) if whole and better is None and np.all(np.isfinite(falls_to)) else None
+        return Higher(swept_hz, whole, *found, drifts, alone), better, start
 
     def _sweep(
         self, solver: Solver, points: Iterator[Point], begin: float, end: float, amplitude: float, anywhere: bool
@@ -214,6 +222,8 @@ class HigherPeaks:
         """From a peak of an amplitude, or anything (0), towards an end of the band, or to where it is not solved."""
         maxima: list[Maximum] = []
         last: Maximum | None = None
+        frequencies: list[float] = []
+        heights: list[float] = []
         rises, gap, farthest, drifts_at = False, 0, begin, -np.inf
         for point in points:
             height = self._amplitude(point)
@@ -226,8 +236,12 @@ class HigherPeaks:
             if gap > 0:
                 drifts_at = max(drifts_at, height)
                 break
+            frequencies.append(point.frequency_hz)
+            heights.append(height)
             if last is not None and rises and height <= last.amplitude:
                 maxima.append(last)
+                if _is_back(frequencies[:-1], heights[:-1], amplitude):
+                    break
             rises = last is not None and height > last.amplitude
             least = height if last is None else min(height, last.least)
             of_one = anywhere or least >= HALF_POWER * (height if self._chosen else min(height, amplitude))
@@ -237,7 +251,8 @@ class HigherPeaks:
             last = Maximum(height, point.frequency_hz, least, start, state, point.work)
             farthest = (min if end < begin else max)(farthest, point.frequency_hz)
         self.work += point.work
-        return Sweep(maxima, farthest, point.is_solved and gap == 0 and point.reached_stop, drifts_at)
+        reached_end = point.is_solved and gap == 0 and point.reached_stop
+        return Sweep(maxima, farthest, reached_end, drifts_at, frequencies, heights)
 
     def _highest_of_kept(
         self, solver: Solver, peak: Peak, maxima: list[Maximum], preload: float
@@ -261,3 +276,29 @@ class HigherPeaks:
         if self._measure == "half_range":
             return float(point.amplitude[self._monitor])
         return float(np.hypot(*point.harmonics[self._monitor, 1:3]))
+
+
+def _is_back(frequencies_hz: list[float], heights: list[float], amplitude: float) -> bool:
+    """Whether a sweep from a peak of an amplitude, fallen below half power, has turned and come back to the peak."""
+    fallen = next((i for i, height in enumerate(heights) if height < HALF_POWER * amplitude), None)
+    if fallen is None or heights[-1] < (1.0 - 0.1 * COARSE) * amplitude:
+        return False
+    return abs(frequencies_hz[-1] - frequencies_hz[0]) < abs(frequencies_hz[fallen] - frequencies_hz[0])
+
+
+def _falls_to(frequencies_hz: list[float], heights: list[float]) -> float:
+    """Where a curve first is below half power of its first point; NaN if it has a shoulder on the way or rises later.
+
+    The inverse square of the amplitude of one oscillator is a parabola of the frequency; a shoulder bends it down.
+    """
+    if not heights:
+        return np.nan
+    away = np.abs(np.array(frequencies_hz) - frequencies_hz[0])
+    inverse = (heights[0] / np.array(heights)) ** 2
+    below = np.flatnonzero(inverse > HALF_POWER**-2)
+    if not len(below) or below[0] + len(below) < len(inverse):
+        return np.nan
+    steps, rises = np.diff(away[: below[0] + 1]), np.diff(inverse[: below[0] + 1])
+    if np.any(steps <= 0.0) or np.any(np.diff(rises / steps) < 0.0):
+        return np.nan
+    return frequencies_hz[below[0]]
