@@ -113,7 +113,6 @@ contains
     call store%keep(self%compared(1))
     call store%keep(self%compared(2))
     call store%keep(self%change)
-    call self%estimator%keep(store)
   end subroutine keep
 
   !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.

@@ -10,10 +10,8 @@
 module attrito_accuracy_error_estimate
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
-  use attrito_core_state_store, only: state_store_type
   use attrito_contact_evaluation, only: goes_by_events
   use attrito_contact_state, only: state_slipping
-  use attrito_linear_opened_modes, only: flops_of_modes
   use attrito_solve_solver, only: solver_type
   use attrito_accuracy_amplitude_change, only: relative_change
   use attrito_accuracy_finer_balance, only: densification, finer_balance_type, finer_point_type
@@ -59,7 +57,6 @@ module attrito_accuracy_error_estimate
   contains
     procedure :: estimate
     procedure :: look_finer
-    procedure :: keep
     procedure :: destroy
   end type error_estimate_type
 
@@ -145,27 +142,18 @@ contains
       if (sampled > 0.0_wp) samples = densification*samples
       if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
       call prepare(self%longer, solver, harmonics, samples)
-      call self%longer%contacts%prepare(balance)
+      call solver%context%preconditioner%mean%prepare(balance)
       call self%longer%correct(solver, first, status)
     end associate
     if (status == 0) call step_again(self%longer, solver, first, threshold, 0, second)
     if (second%unsettled == 0) return
-    associate (balance => solver%context%balance)
-      call self%longer%contacts%take(balance, is_new)
-      if (is_new) balance%work = balance%work + flops_of_modes*real(size(balance%response, 1), wp)**3/balance%ranks%ranks
+    associate (balance => solver%context%balance, mean => solver%context%preconditioner%mean)
+      call mean%take(balance, is_new)
+      if (is_new) balance%work = balance%work + mean%flops/balance%ranks%ranks
     end associate
     if (is_new) call self%longer%correct(solver, first, status)
     if (status == 0) call step_again(self%longer, solver, first, threshold, most_answers, second)
   end subroutine look_finer
-
-  !> Save or load what the next point depends on.
-  subroutine keep(self, store)
-    class(error_estimate_type), intent(inout) :: self
-    !> Numbers that a point leaves for the next, written or read in turn
-    type(state_store_type), intent(inout) :: store
-
-    call self%longer%contacts%keep(store)
-  end subroutine keep
 
   !> The stiffness of a contact over that of the structure, all other contacts stuck, the greatest of all rows. With R the stuck
   !> system's flexibility at a row and k the row's spring, the structure alone has 1/R - k there, so the ratio is k R/(1 - k R).

@@ -4,7 +4,7 @@
 !>    (I + R D) \, \delta d = -R \, \delta g $$
 !>
 !> The forces that the balance leaves out move the structure at harmonics beyond H, through the receptance of the stuck modes, which
-!> is diagonal, or that of the structure with its contacts as in the mean (`attrito_accuracy_mean_contacts`); contacts that feel this
+!> is diagonal, or that of the structure with its contacts as in the mean (`attrito_newton_mean_contacts`); contacts that feel this
 !> motion too give other forces at the harmonics that are kept, and these move the point by one linearised step, along the equation
 !> that picked the point. More samples change the forces alone. Contacts that stick are linear.
 module attrito_accuracy_finer_balance
@@ -20,7 +20,6 @@ module attrito_accuracy_finer_balance
   use attrito_contact_state, only: state_slipping
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_solve_solver, only: solver_type
-  use attrito_accuracy_mean_contacts, only: mean_contacts_type
   implicit none
   private
   public :: densification, finer_balance_type, finer_point_type, solve_for_estimate
@@ -41,8 +40,6 @@ module attrito_accuracy_finer_balance
     integer :: harmonics = 0
     !> Its samples are asked for no gradient
     type(quadrature_type) :: quadrature
-    !> What answers beyond H are made with
-    type(mean_contacts_type) :: contacts
   contains
     procedure :: set
     procedure :: correct
@@ -79,7 +76,7 @@ module attrito_accuracy_finer_balance
 
 contains
 
-  !> For so many harmonics and samples; contacts in the mean stay.
+  !> For so many harmonics and samples.
   subroutine set(self, harmonics, samples, by_events)
     class(finer_balance_type), intent(inout) :: self
     !> Highest harmonic, H; samples a period, J
@@ -209,12 +206,13 @@ contains
     integer :: k, loaded
     logical :: in_the_mean
 
-    associate (balance => solver%context%balance, lowest => solver%context%balance%receptance%harmonics + 1)
+    associate (balance => solver%context%balance, lowest => solver%context%balance%receptance%harmonics + 1, &
+               mean => solver%context%preconditioner%mean)
       if (self%harmonics < lowest) return
       k = 2*self%harmonics + 1
-      in_the_mean = allocated(self%contacts%receptance)
+      in_the_mean = allocated(mean%receptance)
       beyond = deviation
-      if (in_the_mean) call self%contacts%release(balance, motion, beyond)
+      if (in_the_mean) call mean%release(balance, motion, beyond)
       ! Most contacts stick, and have no force there.
       beyond(:2*lowest - 1, :) = 0.0_wp
       forces = -balance%contact_rows%load_of(beyond)
@@ -223,12 +221,12 @@ contains
       forces(:loaded, :) = forces(:loaded, :) &
                            + balance%level*to_real(balance%receptance%project_loads(solver%structure%harmonic_load(:, :loaded)))
       if (in_the_mean) then
-        columns = self%contacts%receptance%project_loads(transpose(forces))
+        columns = mean%receptance%project_loads(transpose(forces))
         allocate (answers, mold=columns)
         answers(:, :lowest) = 0.0_wp
-        call self%contacts%receptance%respond_beyond(lowest, solver%omega, nominal_ratio, columns(:, lowest + 1:), &
+        call mean%receptance%respond_beyond(lowest, solver%omega, nominal_ratio, columns(:, lowest + 1:), &
                                                  answers(:, lowest + 1:))
-        columns = to_complex(self%contacts%receptance%displacements(answers))
+        columns = to_complex(mean%receptance%displacements(answers))
         response(:, lowest:) = columns(:, lowest + 1:)
       else
         columns = to_complex(forces)

@@ -1,7 +1,7 @@
 #include <petsc/finclude/petscksp.h>
 #include "petsc_compatibility.h"
 !> The condensed linear system of a Newton step solved by flexible GMRES, the system applied as a product and preconditioned by the
-!> tangent reference or on two levels.
+!> tangent reference, by contacts in the mean or on two levels.
 !>
 !> Spread over ranks as the contacts are; unknowns are y where D is not zero, as it is zero elsewhere, and, the root's last, omega.
 !> Source: Saad & Schultz 1986, doi:10.1137/0907058; Saad 1993, doi:10.1137/0914028; Balay et al., PETSc users manual, chapter KSP.
@@ -12,6 +12,7 @@ module attrito_newton_condensed_krylov
   use attrito_newton_kept_factors, only: kept_factors_type
   use attrito_newton_condensed_operator, only: condensed_operator_type, new_condensed_operator
   use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_newton_mean_preconditioner, only: new_mean_preconditioner
   use attrito_newton_preconditioner, only: preconditioner_type
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_newton_tangent_preconditioner, only: new_tangent_preconditioner
@@ -20,8 +21,9 @@ module attrito_newton_condensed_krylov
   private
   public :: krylov_options_type, solve_by_krylov
 
-  !> Iterations of GMRES that a step preconditioned on two levels is expected to take until there is one
-  integer, parameter :: two_level_iterations = 60 ! measured
+  !> Iterations of GMRES on two levels from which on contacts in the mean precondition the steps: these take 30 to 90 where two levels
+  !> take 300 and more
+  real(wp), parameter :: too_many = 120.0_wp ! measured
 
   type :: krylov_options_type
     !> Residual of the linear system, relative to its right-hand side; and what a product may leave out of a mode
@@ -133,17 +135,22 @@ contains
     context%options = options
     allocate (outcome%step%rows, mold=context%right%rows)
     outcome%step%rows = 0.0_wp
-    call kept%reference%prepare(balance, stiffening, kept%two_level%expected(two_level_iterations), serves)
+    call kept%reference%prepare(balance, stiffening, nint(min(kept%two_level_iterations, too_many)), serves)
     if (serves) call solve_by_tangent(context, kept, outcome)
     if (serves .and. .not. is_final(outcome)) call kept%reference%forget()
-    if (.not. is_final(outcome)) call solve_on_two_levels(context, stiffening, kept, outcome)
+    serves = .false.
+    if (kept%two_level_iterations > too_many .and. .not. is_final(outcome)) then
+      call solve_by_mean(context, stiffening, kept, outcome, serves)
+    end if
+    if (.not. (serves .or. is_final(outcome))) call solve_on_two_levels(context, stiffening, kept, outcome)
     y = outcome%step%rows
     omega = outcome%step%last
     iterations = outcome%iterations
     status = outcome%status
   end subroutine solve_by_krylov
 
-  !> Did it converge, or fail for good?
+  !> Did it converge, or fail for good? A step short of its tolerance, with factors just made, is still the best one known: Newton's
+  !> line search judges it.
   pure logical function is_final(outcome)
     !> Of a solve
     type(outcome_type), intent(in) :: outcome
@@ -178,6 +185,32 @@ contains
     end do
   end subroutine solve_by_tangent
 
+  !> Preconditioned by contacts in the mean, if they are known to have lost springs.
+  subroutine solve_by_mean(context, stiffening, kept, outcome, serves)
+    !> What PETSc's callbacks see
+    type(system_type), target, intent(inout) :: context
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
+    !> What preconditioners are made of
+    type(preconditioners_type), target, intent(inout) :: kept
+    !> Step, iterations and how it ended
+    type(outcome_type), intent(inout) :: outcome
+    !> Do they serve?
+    logical, intent(out) :: serves
+    logical :: anew
+
+    do
+      call kept%mean%serve(context%system%balance, stiffening, serves, anew)
+      if (.not. serves) return
+      associate (balance => context%system%balance)
+        balance%work = balance%work + kept%mean%flops/balance%ranks%ranks
+      end associate
+      call new_mean_preconditioner(context%system, kept%mean, context%preconditioner)
+      call run_with(kept%mean, context, outcome)
+      if (anew .or. is_final(outcome)) return
+    end do
+  end subroutine solve_by_mean
+
   !> Preconditioned on two levels.
   subroutine solve_on_two_levels(context, stiffening, kept, outcome)
     !> What PETSc's callbacks see
@@ -188,6 +221,7 @@ contains
     type(preconditioners_type), target, intent(inout) :: kept
     !> Step, iterations and how it ended
     type(outcome_type), intent(inout) :: outcome
+    integer :: count
     logical :: anew
 
     do
@@ -195,26 +229,29 @@ contains
       if (anew) call kept%two_level%make(context%system%balance, context%options%coarse_motions, stiffening, outcome%status)
       if (outcome%status /= 0) return
       call new_two_level(context%system, kept%two_level, context%preconditioner)
-      call run_with(kept%two_level, context, outcome)
-      ! A step short of its tolerance, with factors just made, is still the best one known: Newton's line search judges it.
+      call run_with(kept%two_level, context, outcome, count)
+      if (anew) kept%two_level_iterations = count
       if (anew .or. is_final(outcome)) return
     end do
   end subroutine solve_on_two_levels
 
   !> Solve with a preconditioner made of factors, for as long as they are worth it; those that do not serve are not used again.
-  subroutine run_with(factors, context, outcome)
+  subroutine run_with(factors, context, outcome, iterations)
     !> Factors that the preconditioner is made of
     class(kept_factors_type), intent(inout) :: factors
     !> What PETSc's callbacks see
     type(system_type), target, intent(inout) :: context
     !> Step, iterations, which are added to, and how it ended
     type(outcome_type), intent(inout) :: outcome
+    !> Of this solve
+    integer, optional, intent(out) :: iterations
     integer :: count
     PetscErrorCode :: ierr
 
     call run(context, min(context%options%max_iterations, factors%patience()), outcome%step, count, outcome%converged, ierr)
     outcome%status = merge(0, 1, ierr == 0)
     outcome%iterations = outcome%iterations + count
+    if (present(iterations)) iterations = count
     call factors%count(count)
     if (.not. outcome%converged) call factors%discard()
   end subroutine run_with

@@ -2,9 +2,14 @@
 !> those of their first solve add up to what making them anew is worth, contacts have moved to other ranks, or the series' length has
 !> changed.
 module attrito_newton_kept_factors
+  use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: kept_factors_type
+  public :: flops_of_iteration, kept_factors_type
+
+  !> Flops of an iteration of GMRES by unknowns and coordinates: a product, and its preconditioning. Factors are in single precision,
+  !> twice as fast
+  real(wp), parameter :: flops_of_iteration = 16.0_wp ! derived
 
   type, abstract :: kept_factors_type
     !> Contacts and series they were made for; iterations in excess after which to make them anew
@@ -16,7 +21,6 @@ module attrito_newton_kept_factors
     procedure :: pays
     procedure :: patience
     procedure :: count
-    procedure :: expected
     procedure :: discard
   end type kept_factors_type
 
@@ -60,15 +64,6 @@ contains
     if (self%usual < 0) self%usual = iterations
     self%excess = self%excess + max(iterations - self%usual, 0)
   end subroutine count
-
-  !> Iterations that a solve is expected to take: as many as the last with factors just made.
-  pure integer function expected(self, unknown)
-    class(kept_factors_type), intent(in) :: self
-    !> Iterations if there was none
-    integer, intent(in) :: unknown
-
-    expected = merge(self%usual, unknown, self%usual >= 0)
-  end function expected
 
   !> Never to be used again.
   pure subroutine discard(self)

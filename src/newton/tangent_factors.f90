@@ -7,17 +7,13 @@ module attrito_newton_tangent_factors
   use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack_single, only: factor_single, solve_factored_single
   use attrito_newton_active_jacobian, only: contact_jacobian_type
-  use attrito_newton_kept_factors, only: kept_factors_type
+  use attrito_newton_kept_factors, only: flops_of_iteration, kept_factors_type
   use attrito_newton_tangent_reference, only: tangent_reference_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_linear_receptance, only: receptance_type
   implicit none
   private
   public :: tangent_factors_type
-
-  !> Flops of an iteration of GMRES by unknowns and coordinates: a product, and its preconditioning. Factors are in single precision,
-  !> twice as fast
-  real(wp), parameter :: flops_of_both = 16.0_wp ! derived
 
   !> D' of one contact of this rank
   type :: block_type
@@ -205,7 +201,7 @@ contains
 
     rows = balance%active%count
     call balance%ranks%sum(rows)
-    worth = max(1, nint(self%flops/(flops_of_both*max(rows, 1.0_wp)*balance%coefficients()*size(balance%response, 1))))
+    worth = max(1, nint(self%flops/(flops_of_iteration*max(rows, 1.0_wp)*balance%coefficients()*size(balance%response, 1))))
   end function worth_of
 
   !> Solve with the factors for this rank's unknowns.

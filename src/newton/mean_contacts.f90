@@ -1,16 +1,21 @@
-!> The structure with its contacts as they are in the mean over the period, which answers forces at the harmonics beyond a series:
+!> The structure with its contacts as they are in the mean over the period:
 !>
-!> $$ (I + R_h D_0) \, d_h = -R_h (g_h - D_0 d_h) \quad \Leftrightarrow \quad d_h = -R'_h (g_h - D_0 d_h), \qquad
-!>    D_0 = -\mathrm{diag}(\theta_i k_i) $$
+!> $$ D_0 = -\mathrm{diag}(\theta_i k_i), \qquad R' = (I + R D_0)^{-1} R $$
 !>
 !> D_0 is what the Jacobian of the forces has on its diagonal at the highest harmonic of the series: a contact that is open has lost
 !> its springs k, one that slips for half the period half of its tangential spring. R' is the receptance of the structure without what
-!> is lost, in its own modes. Answers without D_0 hardly converge where a natural frequency of that structure lies near h omega, and
-!> all the less the more contacts are open.
-module attrito_accuracy_mean_contacts
+!> is lost, in its own modes. It answers forces at the harmonics beyond a series,
+!>
+!> $$ (I + R_h D_0) \, d_h = -R_h (g_h - D_0 d_h) \quad \Leftrightarrow \quad d_h = -R'_h (g_h - D_0 d_h), $$
+!>
+!> and preconditions Newton's steps (`mean_preconditioner`): with R, answers hardly converge where a natural frequency of that
+!> structure lies near h omega, the less the more contacts are open, and GMRES takes the more iterations.
+module attrito_newton_mean_contacts
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
+  use attrito_newton_kept_factors, only: flops_of_iteration, kept_factors_type
   use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_linear_opened_modes, only: flops_of_modes
   use attrito_linear_receptance, only: receptance_type
   implicit none
   private
@@ -18,17 +23,24 @@ module attrito_accuracy_mean_contacts
 
   !> Part of its spring that a row keeps at least, which holds bodies that are free without
   real(wp), parameter :: least_kept = 1.0e-3_wp ! guess
+  !> Part of their springs kept in the step that leaves contacts as good as they are
+  real(wp), parameter :: hardly_kept = 1.0e-6_wp ! derived
   !> Parts of springs lost that count as none, and by which they change until modes are found anew, relative to what is lost
   real(wp), parameter :: negligible = 0.01_wp, changed = 0.1_wp ! guess
 
-  type :: mean_contacts_type
+  type, extends(kept_factors_type) :: mean_contacts_type
     !> R'; not allocated where nothing is known to be lost, or damping couples the modes
     class(receptance_type), allocatable :: receptance
     !> Numbers of the rows of B, of all ranks, that have lost something of their springs, ascending, and theta k
     real(wp), allocatable, private :: rows(:), lost(:)
+    !> Of the modes last found; iterations of GMRES that cost as much
+    real(wp) :: flops = 0.0_wp
+    integer, private :: modes_worth = 1
   contains
     procedure :: prepare
     procedure :: take
+    procedure :: serve
+    procedure :: lost_of
     procedure :: release
     procedure :: keep
   end type mean_contacts_type
@@ -52,15 +64,17 @@ contains
     type(balance_type), intent(in) :: balance
     !> Is there another R'?
     logical, intent(out) :: is_new
-    real(wp) :: springs(balance%rows()), lost(balance%rows()), sums(2)
+    real(wp) :: springs(balance%rows()), lost(balance%rows()), sums(3)
     real(wp), allocatable :: together(:, :)
     integer, allocatable :: mine(:), all(:)
     integer :: i
 
     call find_lost(balance, springs, lost)
-    sums = [sum(((lost - lost_of(self, balance))/springs)**2), sum((lost/springs)**2)]
+    sums = [sum(((lost - self%lost_of(balance))/springs)**2), sum((lost/springs)**2), real(balance%active%count, wp)]
     call balance%ranks%sum(sums)
     is_new = sums(1) > changed**2*sums(2)
+    self%flops = 0.0_wp
+    call self%begin(0, self%modes_worth)
     if (.not. is_new) return
     mine = pack([(i, i=1, size(lost))], lost > 0.0_wp)
     call balance%ranks%gather_integers(balance%first_row - 1 + mine, all)
@@ -71,7 +85,43 @@ contains
     if (allocated(self%receptance)) deallocate (self%receptance)
     call self%prepare(balance)
     is_new = allocated(self%receptance)
+    associate (n => real(size(balance%response, 1), wp))
+      self%flops = merge(flops_of_modes*n**3, 0.0_wp, is_new)
+      self%modes_worth = max(1, nint(flops_of_modes*n**2/(flops_of_iteration*max(sums(3), 1.0_wp)*balance%coefficients())))
+      call self%begin(0, self%modes_worth)
+    end associate
   end subroutine take
+
+  !> Make ready for a step at the balance's last evaluation: with modes anew if these have cost more than that in iterations, and if
+  !> contacts differ from those at hand. Do they serve it?
+  subroutine serve(self, balance, stiffening, serves, anew)
+    class(mean_contacts_type), intent(inout) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
+    !> Is there an R', set to the balance's frequency?
+    logical, intent(out) :: serves
+    !> Is it the best there is?
+    logical, intent(out) :: anew
+    logical :: is_new
+    integer :: status
+
+    serves = stiffening <= hardly_kept .and. .not. (balance%receptance%held > 0.0_wp .or. balance%receptance%is_lifted())
+    if (.not. serves) return
+    call self%prepare(balance)
+    anew = .not. (allocated(self%receptance) .and. self%pays(0))
+    self%flops = 0.0_wp
+    if (anew) call self%take(balance, is_new)
+    serves = allocated(self%receptance)
+    if (.not. serves) return
+    associate (opened => self%receptance, receptance => balance%receptance)
+      if (opened%harmonics /= receptance%harmonics) call opened%set_harmonics(receptance%harmonics)
+      if (abs(opened%excitation - receptance%excitation) > 0.0_wp) call opened%excite(receptance%excitation)
+      call opened%set_frequency(receptance%omega, status)
+    end associate
+    serves = status == 0
+  end subroutine serve
 
   !> Springs of this rank's rows, and what they lose in the mean.
   pure subroutine find_lost(balance, springs, lost)
@@ -100,7 +150,7 @@ contains
 
   !> What is known to be lost of this rank's rows [rows].
   pure function lost_of(self, balance) result(lost)
-    type(mean_contacts_type), intent(in) :: self
+    class(mean_contacts_type), intent(in) :: self
     !> Harmonic balance: the first of this rank's rows
     type(balance_type), intent(in) :: balance
     real(wp) :: lost(balance%rows())
@@ -124,7 +174,7 @@ contains
     real(wp), intent(in) :: motion(:, :)
     real(wp), intent(inout) :: deviation(:, :)
 
-    deviation = deviation + spread(lost_of(self, balance), 1, size(motion, 1))*motion
+    deviation = deviation + spread(self%lost_of(balance), 1, size(motion, 1))*motion
   end subroutine release
 
   !> Save or load what the next point depends on: modes follow from what is lost.
@@ -134,9 +184,11 @@ contains
     type(state_store_type), intent(inout) :: store
 
     if (store%reading .and. allocated(self%receptance)) deallocate (self%receptance)
+    call store%keep(self%modes_worth)
+    call self%begin(0, self%modes_worth)
     if (.not. allocated(self%rows)) self%rows = [real(wp) ::]
     if (.not. allocated(self%lost)) self%lost = [real(wp) ::]
     call store%keep(self%rows)
     call store%keep(self%lost)
   end subroutine keep
-end module attrito_accuracy_mean_contacts
+end module attrito_newton_mean_contacts
