@@ -127,6 +127,10 @@ void attrito_monitors(void *handle, double *harmonics, double *amplitude);
 /* Which contacts the last static path has left closed: 1, or 0 [contacts]. */
 void attrito_closed_contacts(void *handle, int *closed);
 
+/* Start the libraries on all ranks that will ever use them together; where they run, nothing happens. Whatever solves on one rank
+ * alone before all of them do asks for it. */
+int attrito_start(int comm, char *message, int length);
+
 /* The last call of a process, before MPI ends. */
 void attrito_stop(void);
 

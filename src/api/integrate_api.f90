@@ -3,14 +3,16 @@
 !> Arrays are C's: the last index runs fastest, so a Fortran array here has its dimensions the other way round.
 module attrito_api_integrate
   use, intrinsic :: iso_c_binding
+  use attrito_core_communicator, only: communicator_type, own_communicator
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
+  use attrito_core_petsc_session, only: start_petsc
   use attrito_model_contacts, only: contacts_type, new_contacts
   use attrito_model_structure, only: structure_type
   use attrito_integrate_loading, only: new_profile
   use attrito_integrate_run, only: run_options_type, orbit_type, integrate
   use attrito_integrate_state, only: state_type, new_state, normal_force
-  use attrito_integrate_static_path, only: follow_static_path
+  use attrito_integrate_static_path, only: start_at_end_of_path
   use attrito_integrate_system, only: system_type, new_system
   use attrito_api_message, only: report_error
   use attrito_api_session, only: contact_law_type, law_of, release_laws
@@ -109,12 +111,16 @@ contains
     character(kind=c_char), intent(out) :: message(length)
     type(session_type), pointer :: session
     type(error_type), allocatable :: error
+    type(communicator_type) :: own
 
+    own = own_communicator()
     call c_f_pointer(handle, session)
     session%slider = 0.0_wp
     if (c_associated(slider)) session%slider = matrix(slider, 2, size(session%contacts%law))
     session%rate = 0.0_wp
-    call follow_static_path(session%system, path, steps, session%motion, session%slider, error)
+    call start_petsc(own%handle, error)
+    if (.not. allocated(error)) call start_at_end_of_path(session%structure, session%contacts, session%system, path, steps, &
+                                                          session%motion, session%slider, error)
     status = report_error(error, message)
   end function attrito_integrator_start_static
 

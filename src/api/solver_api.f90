@@ -385,6 +385,19 @@ contains
     closed(:size(session%solver%closed)) = merge(1, 0, session%solver%closed)
   end subroutine attrito_closed_contacts
 
+  !> Start the libraries on all ranks that will ever use them together; where they run, nothing happens. Whatever solves on one rank
+  !> alone before all of them do asks for it.
+  integer(c_int) function attrito_start(comm, message, length) bind(c)
+    !> MPI communicator; room for the message, characters
+    integer(c_int), value :: comm, length
+    !> Room for what is said
+    character(kind=c_char), intent(out) :: message(length)
+    type(error_type), allocatable :: error
+
+    call start_petsc(comm, error)
+    attrito_start = report_error(error, message)
+  end function attrito_start
+
   !> The last call of a process, before MPI ends.
   subroutine attrito_stop() bind(c)
 

@@ -15,6 +15,7 @@ module attrito_balance_harmonic_balance
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_kept_forces, only: keep_forces
+  use attrito_contact_straight_increment, only: evaluate_increment
   use attrito_balance_active_rows, only: active_rows_type
   use attrito_linear_rigid_body_modes, only: rigid_body_modes_type
   use attrito_linear_projected_rows, only: projected_rows_type
@@ -79,6 +80,9 @@ module attrito_balance_harmonic_balance
     !> Allocated: contacts with two tangents are marched a period from their sliders as these are, wherever it takes them, and from
     !> this mean of the period before [rows]
     real(wp), allocatable :: mean_before(:)
+    !> Allocated: nothing moves about the mean, which goes straight from the first of these, sliders along with it; the second is
+    !> where it would be if it went on as before [rows, 2]
+    real(wp), allocatable :: increment(:, :)
     !> Uncoupled: mean of the generalised coordinates [n]
     complex(wp), allocatable :: frozen_mean(:)
     !> Where springs beside the structure's own, `receptance%held` of its stiffness, pull its mean to [n]
@@ -209,6 +213,12 @@ contains
     real(wp), intent(in) :: own(:, :)
 
     associate (forces => self%forces(contact), law => self%law(contact))
+      if (allocated(self%increment)) then
+        associate (start => self%increment(law%first_row:law%first_row + law%tangents, :))
+          call evaluate_increment(law, start(:, 1), start(:, 2), own, self%slider(:, contact), forces)
+        end associate
+        return
+      end if
       if (allocated(forces%mean_before)) deallocate (forces%mean_before)
       if (allocated(self%mean_before) .and. law%tangents == 2) then
         forces%mean_before = self%mean_before(law%first_row:law%first_row + 2)

@@ -401,9 +401,11 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     real(wp) :: share
+    logical :: is_free
 
     share = share_of_harmonics(solver, self%secant%motion, self%secant%omega)
-    self%drifting = merge(self%drifting + 1, 0, moves_mean_alone(share, none_holds(solver%context%balance)))
+    is_free = solver%context%balance%free%leaves_motion .and. none_holds(solver%context%balance)
+    self%drifting = merge(self%drifting + 1, 0, moves_mean_alone(share, is_free))
     is_drifting = self%drifting >= branch_steps_in_a_row
     if (is_drifting) self%drifting = 0
   end function is_drifting

@@ -1,4 +1,4 @@
-!> One implicit step, static or in time: the motion p under a load r and contact forces that depend on it,
+!> One implicit step in time: the motion p under a load r and contact forces that depend on it,
 !>
 !> $$ p = S (r - c P g(d, w)), \quad d = B \Phi p \qquad \Rightarrow \qquad d + c R g(d, w) = d_r, \quad R = B \Phi S P $$
 !>
@@ -118,7 +118,6 @@ contains
         exit
       end if
     end do
-    if (converged) converged = stays_near(system, self, slider, direction, target, displacement)
     motion = free - matmul(self%input_map, g)
 
   contains
@@ -131,27 +130,6 @@ contains
       residual = at + matmul(self%compliance, g) - target
     end subroutine evaluate
   end subroutine solve_equilibrium
-
-  !> Is an equilibrium one? A body that its contacts have left comes to rest nowhere, but for rounding of its stiffness.
-  logical function stays_near(system, self, slider, direction, target, displacement)
-    !> Linear system in time: mass, damping, stiffness, contacts
-    type(system_type), intent(in) :: system
-    type(operator_type), intent(in) :: self
-    !> Sliders, and directions of slip, before the step [2, contacts]
-    real(wp), intent(in) :: slider(:, :), direction(:, :)
-    !> Displacements of the contacts without g, and where they are [rows]
-    real(wp), intent(in) :: target(:), displacement(:)
-    !> Displacement relative to that of the stuck contacts that is taken for an equilibrium
-    real(wp), parameter :: divergence_limit = 1.0e8_wp ! conventional
-    real(wp) :: g(size(target)), stiffness(3, size(target)), new_slider(2, size(slider, 2))
-    integer :: regime(size(slider, 2))
-
-    stays_near = norm2(displacement) <= divergence_limit*norm2(target)
-    if (stays_near) return
-    ! Preload alone moves bodies, too.
-    call return_contacts(system, 0.0_wp*displacement, slider, direction, g, stiffness, new_slider, regime)
-    stays_near = norm2(displacement) <= divergence_limit*norm2(target - matmul(self%compliance, g))
-  end function stays_near
 
   !> The step of Newton's method, by the forces that change with it.
   subroutine newton_step(system, compliance, stiffness, residual, step, info)

@@ -5,7 +5,13 @@
 !> The residual r_0 of the condensed balance shows that but for rounding: s = -(K_c B Z)^T r_0, so |s| <= |r_0| at every motion.
 !> Rounding of the stuck modes, though, is a spring (1e-12 of the contacts' with 100 of them), and far enough away it holds a body
 !> that drifts. There r_0 vanishes and s does not.
+!>
+!> A structure put together of parts leaves motions free but for rounding of its stiffest part, which is a spring too, or one less
+!> than nothing. Along such a motion it holds no body either:
+!>
+!> $$ x^T K x < \epsilon \max_i K_{ii} \, x^T x. $$
 module attrito_linear_rigid_body_modes
+  use attrito_core_cholesky, only: factor_positive
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: null_space, solve_dense, symmetric_eigenpairs
   use attrito_model_contacts, only: contacts_type
@@ -17,10 +23,14 @@ module attrito_linear_rigid_body_modes
 
   !> Square of the part of a motion's forces that is normal, up to which it is rounding
   real(wp), parameter :: no_part = 1.0e-12_wp ! derived
+  !> epsilon: products with a basis round each entry to a few digits of the largest
+  real(wp), parameter :: rounding = 64.0_wp*epsilon(1.0_wp) ! guess
 
   type :: rigid_body_modes_type
     !> How many, and how many of these, the first, slide along all contacts
     integer :: count = 0, sliding = 0
+    !> Is a motion free, or held by nothing but rounding? Else the structure holds every body by itself
+    logical :: leaves_motion = .false.
     !> B Z of all rows, and the same times the rows' stiffness [rows, count]
     real(wp), allocatable :: rows(:, :), held_rows(:, :)
     !> Static loads in columns [count, loads], and the constant part of the harmonic load at level 1 [count]
@@ -60,7 +70,11 @@ contains
     integer :: info
 
     motions = rigid_body_modes(structure%stiffness)
-    if (size(motions, 2) == 0) return
+    self%leaves_motion = size(motions, 2) > 0
+    if (.not. self%leaves_motion) then
+      self%leaves_motion = rounding_holds(structure%stiffness)
+      return
+    end if
     self%rows = matmul(transpose(contacts%directions), motions)
     self%held_rows = spread(contacts%row_stiffness, 2, size(motions, 2))*self%rows
     normal = self%held_rows(contacts%law%first_row + contacts%law%tangents, :)
@@ -75,6 +89,22 @@ contains
     self%static_loads = matmul(transpose(motions), structure%static_loads)
     self%mean_load = matmul(structure%harmonic_load(:, 1), motions)
   end function free_motions_of
+
+  !> Is any motion held by nothing but rounding? Then K - epsilon max K_ii is not positive.
+  logical function rounding_holds(stiffness)
+    !> K
+    real(wp), intent(in) :: stiffness(:, :)
+    real(wp) :: less(size(stiffness, 1), size(stiffness, 1)), largest
+    integer :: i, info
+
+    less = stiffness
+    largest = maxval([(stiffness(i, i), i=1, size(less, 1))])
+    do i = 1, size(less, 1)
+      less(i, i) = less(i, i) - rounding*largest
+    end do
+    call factor_positive(less, info)
+    rounding_holds = info /= 0
+  end function rounding_holds
 
   !> Motions that a stiffness makes nothing of but rounding [m, count]: scaled to a unit diagonal, so that stiff and soft parts count
   !> alike and stiff contacts beside soft parts do not look like free motions.

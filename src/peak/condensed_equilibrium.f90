@@ -8,17 +8,17 @@
 !> $$ (I + G R) y = G r, \qquad \delta d = r - R y, \qquad G = d\lambda/dd - S, \qquad r = d_0 + \alpha d_1 - R g - d, $$
 !>
 !> y on the rows of G that are not zero: two of a contact that slips, three of one that has opened or closed since. A step along the
-!> path begins with the sliders of the one before and moves them by return to the friction limit, as the balance's mean does. Where
-!> the load goes on as before it also begins on the line through the last two equilibria. Every rank holds all contacts and does the
-!> same.
+!> path is an increment from the one before (`attrito_contact_straight_increment`), as the balance's are. Where the load goes on as
+!> before it also begins on the line through the last two equilibria. Every rank holds all contacts and does the same.
 module attrito_peak_condensed_equilibrium
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense, subtract_product, times_vector
   use attrito_core_refined, only: solve_refined
+  use attrito_contact_straight_increment, only: increment_type, follow_increment
   use attrito_model_contacts, only: contact_type
   implicit none
   private
-  public :: condensed_equilibrium_type, equilibrium_type, new_condensed_equilibrium
+  public :: condensed_equilibrium_type, equilibrium_type, new_condensed_equilibrium, on_the_line
 
   !> Newton's iterations for a step, and the smallest part of a step that is tried
   integer, parameter :: most_iterations = 50 ! guess
@@ -110,7 +110,7 @@ contains
     answer = -answer
     call subtract_product(flexibility(:, opened), answer(:, :size(springs)), flexibility)
     call move_alloc(flexibility, self%flexibility)
-    call evaluate(self, rest%motion, rest%slider, force, stiffness, slider)
+    call evaluate(self, rest%motion, rest%motion, rest%motion, rest%slider, force, stiffness, slider)
     allocate (self%unloaded(size(springs)))
     call times_vector(self%flexibility, force - self%springs*rest%motion, self%unloaded)
     self%unloaded = self%unloaded + rest%motion
@@ -162,7 +162,7 @@ contains
     if (goes_on) goes_on = (load - state%load)*(state%load - state%load_before) > 0.0_wp
   end function goes_on
 
-  !> Motion on the line through the last two equilibria [rows].
+  !> Motion on the line through the last two equilibria, or where it is if the load turns back [rows].
   pure function on_the_line(state, load) result(motion)
     !> Where the path has come to
     type(equilibrium_type), intent(in) :: state
@@ -170,7 +170,9 @@ contains
     real(wp), intent(in) :: load
     real(wp) :: motion(size(state%motion))
 
-    motion = state%motion + (load - state%load)/(state%load - state%load_before)*(state%motion - state%motion_before)
+    motion = state%motion
+    if (.not. goes_on(state, load)) return
+    motion = motion + (load - state%load)/(state%load - state%load_before)*(state%motion - state%motion_before)
   end function on_the_line
 
   !> q = phi^T M x, less its value at rest but for a constant.
@@ -180,7 +182,7 @@ contains
     type(equilibrium_type), intent(in) :: state
     real(wp) :: force(size(self%springs)), stiffness(3, 3, size(self%law)), slider(size(state%slider, 1), size(self%law))
 
-    call evaluate(self, state%motion, state%slider, force, stiffness, slider)
+    call evaluate(self, state%motion, state%motion, state%motion, state%slider, force, stiffness, slider)
     coordinate = state%load*self%coordinate_per_load - sum(self%per_load*(force - self%springs*state%motion))
   end function coordinate
 
@@ -202,7 +204,7 @@ contains
 
     motion = guess
     iterate = new_iterate(self, state%slider)
-    call find_residual(self, load, state%slider, motion, iterate, residual)
+    call find_residual(self, load, state, motion, iterate, residual)
     norm = norm2(residual)
     converged = norm <= self%tolerance
     do iteration = 1, most_iterations
@@ -213,13 +215,13 @@ contains
       part = 1.0_wp
       do
         trial = motion + part*step
-        call find_residual(self, load, state%slider, trial, iterate, trial_residual)
+        call find_residual(self, load, state, trial, iterate, trial_residual)
         trial_norm = norm2(trial_residual)
         if (trial_norm <= (1.0_wp - least_fall*part)*norm .or. part <= smallest_part) exit
         part = 0.5_wp*part
       end do
       if (part <= smallest_part .and. norm <= stalled*self%tolerance) then
-        call find_residual(self, load, state%slider, motion, iterate, residual)
+        call find_residual(self, load, state, motion, iterate, residual)
         converged = .true.
         exit
       end if
@@ -253,8 +255,10 @@ contains
   !> The residual at a motion, with what the next step is made of; R g is brought up to date by the rows of g that have changed.
   subroutine find_residual(self, load, before, motion, iterate, residual)
     class(condensed_equilibrium_type), intent(in) :: self
-    !> alpha; sliders of the equilibrium before [width, contacts]; d [rows]
-    real(wp), intent(in) :: load, before(:, :), motion(:)
+    !> alpha; d [rows]
+    real(wp), intent(in) :: load, motion(:)
+    !> The equilibrium before
+    type(equilibrium_type), intent(in) :: before
     !> What the equations are made of at the motion evaluated last, then at this one
     type(iterate_type), intent(inout) :: iterate
     !> [rows]
@@ -262,7 +266,8 @@ contains
     real(wp) :: change
     integer :: j
 
-    call evaluate(self, motion, before, iterate%force, iterate%stiffness, iterate%slider)
+    call evaluate(self, before%motion, on_the_line(before, load), motion, before%slider, iterate%force, iterate%stiffness, &
+                  iterate%slider)
     do j = 1, size(motion)
       change = iterate%force(j) - self%springs(j)*motion(j) - iterate%deviation(j)
       if (abs(change) <= 0.0_wp) cycle
@@ -322,77 +327,28 @@ contains
     end do
   end subroutine newton_step
 
-  !> Forces of all contacts at a motion, from the sliders of the equilibrium before.
-  subroutine evaluate(self, motion, before, force, stiffness, slider)
+  !> Forces of all contacts at a motion, which they come to straight from the equilibrium before, and from its sliders.
+  subroutine evaluate(self, from, as_before, motion, before, force, stiffness, slider)
     class(condensed_equilibrium_type), intent(in) :: self
-    !> d [rows]; sliders of the equilibrium before [width, contacts]
-    real(wp), intent(in) :: motion(:), before(:, :)
+    !> d of the equilibrium before, where it would be if it went on as before, and d [rows]; sliders of the equilibrium before [width,
+    !> contacts]
+    real(wp), intent(in) :: from(:), as_before(:), motion(:), before(:, :)
     !> lambda [rows] and its derivative by the contact's own rows [3, 3, contacts]
     real(wp), intent(out) :: force(:), stiffness(:, :, :)
     !> Where it takes the sliders [width, contacts]
     real(wp), intent(out) :: slider(:, :)
+    type(increment_type) :: increment
     integer :: i
 
     do i = 1, size(self%law)
-      associate (first => self%law(i)%first_row, last => self%law(i)%first_row + self%law(i)%tangents)
-        call evaluate_step(self%law(i), motion(first:last), before(:, i), force(first:last), stiffness(:, :, i), slider(:, i))
+      associate (law => self%law(i), first => self%law(i)%first_row, last => self%law(i)%first_row + self%law(i)%tangents)
+        call follow_increment(law, from(first:last), as_before(first:last), motion(first:last), before(:, i), increment)
+        force(first:last) = increment%force(:law%tangents + 1)
+        stiffness(:, :, i) = increment%stiffness
+        slider(:, i) = increment%slider
       end associate
     end do
   end subroutine evaluate
-
-  !> The force of one contact where a step has taken it, by return to the friction limit.
-  subroutine evaluate_step(law, motion, before, force, stiffness, slider)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> Relative displacements [tangents + 1]; sliders before, in pairs, one an element
-    real(wp), intent(in) :: motion(:), before(:)
-    !> T and N [tangents + 1], and their derivatives [3, 3]
-    real(wp), intent(out) :: force(:), stiffness(:, :)
-    !> Sliders after
-    real(wp), intent(out) :: slider(:)
-    type(contact_type) :: element
-    real(wp) :: normal, limit(1), slope(1), pull(law%tangents), direction(law%tangents), size_of_pull
-    integer :: i, k
-
-    force = 0.0_wp
-    stiffness = 0.0_wp
-    slider = before
-    associate (n => law%tangents)
-      if (.not. is_closed(law, motion(n + 1))) then
-        do i = 1, law%elements()
-          slider(2*i - 1:2*i - 2 + n) = motion(:n)
-        end do
-        return
-      end if
-      normal = max(law%normal_force(motion(n + 1)), 0.0_wp)
-      force(n + 1) = normal
-      stiffness(n + 1, n + 1) = law%normal_stiffness
-      do i = 1, law%elements()
-        element = law%element(i)
-        associate (kt => element%tangential_stiffness, w => slider(2*i - 1:2*i - 2 + n))
-          call element%slip_force([normal], limit, slope)
-          pull = kt*(motion(:n) - w)
-          size_of_pull = norm2(pull)
-          ! One that has just come to its limit, but for rounding, sticks: where the load turns it does.
-          if (size_of_pull <= (1.0_wp + rounding)*limit(1)) then
-            force(:n) = force(:n) + pull
-            do k = 1, n
-              stiffness(k, k) = stiffness(k, k) + kt
-            end do
-          else
-            direction = pull/size_of_pull
-            force(:n) = force(:n) + limit(1)*direction
-            w = motion(:n) - limit(1)/kt*direction
-            do k = 1, n
-              stiffness(:n, k) = stiffness(:n, k) - limit(1)*kt/size_of_pull*direction*direction(k)
-              stiffness(k, k) = stiffness(k, k) + limit(1)*kt/size_of_pull
-            end do
-            stiffness(:n, n + 1) = stiffness(:n, n + 1) + slope(1)*law%normal_stiffness*direction
-          end if
-        end associate
-      end do
-    end associate
-  end subroutine evaluate_step
 
   !> Does a contact touch?
   pure logical function is_closed(law, closing)

@@ -8,11 +8,11 @@
 module attrito_peak_loading_path
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: stuck_springs
-  use attrito_peak_condensed_equilibrium, only: condensed_equilibrium_type, equilibrium_type, new_condensed_equilibrium
-  use attrito_solve_homotopy, only: follow_homotopy
+  use attrito_peak_condensed_equilibrium, only: condensed_equilibrium_type, equilibrium_type, new_condensed_equilibrium, &
+                                             on_the_line
+  use attrito_solve_load_steps, only: follow_loads, solve_increment
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
-  use attrito_solve_static_path, only: load_homotopy_type
   implicit none
   private
   public :: loading_path_type, new_loading_path
@@ -115,7 +115,7 @@ contains
     call step_to(self, solver, load)
     if (self%found) then
       call put_solver(self, solver, self%state%motion, before%slider, load)
-      call solver%solve_at(solver%omega)
+      call solve_increment(solver, own_rows(solver, before%motion), own_rows(solver, on_the_line(before, load)), (solver%omega))
       self%iterations = self%iterations + solver%report%iterations
       self%found = solver%report%converged
       if (self%found) return
@@ -163,8 +163,8 @@ contains
     real(wp), intent(in) :: load
 
     call put_solver(self, solver, self%state%motion, self%state%slider, self%state%load)
-    call follow_homotopy(load_homotopy_type(solver%context%balance%static_factors, [self%factors, load], solver%omega), solver, &
-                         self%iterations, self%found, 1.0_wp)
+    call follow_loads(solver, (solver%context%balance%static_factors), [self%factors, load], (solver%omega), 1, self%iterations, &
+                      self%found)
     if (self%found) self%state = state_of(solver, load)
   end subroutine walk_by_balance
 
@@ -177,11 +177,24 @@ contains
     real(wp), intent(in) :: motion(:), slider(:, :), load
 
     associate (balance => solver%context%balance)
-      solver%motion(1, :) = motion(balance%first_row:balance%first_row + balance%rows() - 1)
+      solver%motion(1, :) = own_rows(solver, motion)
       call solver%set_slider(slider(:, balance%first_contact:balance%first_contact + size(balance%law) - 1))
       call solver%set_loads([self%factors, load], 0.0_wp)
     end associate
   end subroutine put_solver
+
+  !> This rank's part of what all rows have [rows].
+  pure function own_rows(solver, all) result(own)
+    !> Solver of points: its balance
+    type(solver_type), intent(in) :: solver
+    !> Of all rows
+    real(wp), intent(in) :: all(:)
+    real(wp), allocatable :: own(:)
+
+    associate (balance => solver%context%balance)
+      own = all(balance%first_row:balance%first_row + balance%rows() - 1)
+    end associate
+  end function own_rows
 
   !> Where the solver is, on every rank.
   type(equilibrium_type) function state_of(solver, load) result(state)

@@ -63,8 +63,8 @@ contains
       call means%add(real(solver%context%balance%response(:, 0), wp))
       if (none_holds(solver%context%balance)) then
         if (.not. means%do_repeat(alike_in_mean)) cycle
-        outcome%evidence%is_drifting = .true.
-        return
+        outcome%evidence%is_drifting = solver%context%balance%free%leaves_motion
+        if (outcome%evidence%is_drifting) return
       end if
       call solve_free(solver, omega, outcome)
       if (outcome%converged) return

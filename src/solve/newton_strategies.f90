@@ -86,6 +86,13 @@ contains
       call count_on(report, iterations, linear_iterations)
       if (report%converged) return
       unknowns = start
+      if (allocated(newton%context%balance%increment)) then
+        ! Where a stiff contact opens or begins to slip the residual hardly falls before the step that follows.
+        call newton%solve(unknowns, constraint, in_whole_steps(controls), report)
+        call count_on(report, iterations, linear_iterations)
+        if (report%converged) return
+        unknowns = start
+      end if
       call solve_regularised(newton, unknowns, constraint, controls, report, is_drifting)
       call count_on(report, iterations, linear_iterations)
       if (report%converged .or. is_drifting) return
@@ -168,7 +175,7 @@ contains
         call count_on(report, iterations, linear_iterations)
         if (.not. (report%converged .and. none_holds(context%balance))) return
         call means%add(real(context%balance%response(:, 0), wp))
-        is_drifting = means%do_repeat(alike_in_solve)
+        is_drifting = context%balance%free%leaves_motion .and. means%do_repeat(alike_in_solve)
         if (is_drifting) return
       end do
     end associate
@@ -182,6 +189,15 @@ contains
     stiffened = controls
     stiffened%stiffening = stiffening
   end function stiffened
+
+  !> The same for steps that are never shortened.
+  pure type(newton_controls_type) function in_whole_steps(controls)
+    !> How to solve
+    type(newton_controls_type), intent(in) :: controls
+
+    in_whole_steps = controls
+    in_whole_steps%stiffening = tiny(1.0_wp)
+  end function in_whole_steps
 
   !> Add the iterations of all tries so far to a report.
   pure subroutine count_on(report, iterations, linear_iterations)

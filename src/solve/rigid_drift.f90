@@ -16,6 +16,8 @@
 !> | means of solutions with springs on them that are relaxed | 2 | 1e-3 | 1e-12 | x_n | the first time |
 !> | the same within one solve, only to end it early | 2 | 0.5 | 1e-12 | x_n | the first time |
 !> | points of a branch, by gamma: 0.5 where no contact holds, else 1e-3 | | | | | 6 steps in a row |
+!>
+!> Means and branches show a drift only where the structure leaves a motion free (`attrito_linear_rigid_body_modes`).
 module attrito_solve_rigid_drift
   use attrito_core_kinds, only: wp
   implicit none
@@ -92,12 +94,12 @@ contains
   end function do_repeat
 
   !> Does a step along a branch change hardly more than mean positions?
-  pure logical function moves_mean_alone(share, none_holds)
+  pure logical function moves_mean_alone(share, is_free)
     !> Part of the step's direction that is anything but mean positions, 0 to 1
     real(wp), intent(in) :: share
-    !> Does every contact come to its limit of friction, or open, in the period?
-    logical, intent(in) :: none_holds
+    !> Is there a body that neither its structure nor a contact holds all over the period?
+    logical, intent(in) :: is_free
 
-    moves_mean_alone = share < merge(free_share, mean_share, none_holds)
+    moves_mean_alone = share < merge(free_share, mean_share, is_free)
   end function moves_mean_alone
 end module attrito_solve_rigid_drift

@@ -1,50 +1,58 @@
-!> Static equilibrium along a load path, followed quasi-statically: each step starts from the sliders of the step before.
+!> Static equilibrium along a load path, followed quasi-statically: each increment starts from the sliders of the one before.
 !>
 !> $$ K q_0 + B^T \lambda(B q_0, w) = \sum_i s_i f_i $$
 !>
-!> It is the harmonic balance without harmonic loads, so a step is the same solve; the path is followed in equal steps, halved
-!> where one fails.
+!> It is the harmonic balance without harmonic loads, solved for the mean alone, corner after corner (`attrito_solve_load_steps`).
 module attrito_solve_static_path
+  use attrito_core_cholesky, only: factor_positive, solve_positive
   use attrito_core_errors, only: error_type, raise
   use attrito_core_kinds, only: wp
-  use attrito_solve_homotopy, only: follow_homotopy, homotopy_type
+  use attrito_solve_load_steps, only: follow_loads
   use attrito_solve_mean_regularisation, only: can_regularise, find_drift
   use attrito_solve_sliders, only: closed_contacts
   use attrito_solve_solver, only: solver_type
   use attrito_solve_strategy_outcome, only: evidence_type, strategy_outcome_type
   implicit none
   private
-  public :: follow_static_path, load_homotopy_type
+  public :: follow_static_path
 
-  !> From one set of factors on the static loads to another, at one angular frequency
-  type, extends(homotopy_type) :: load_homotopy_type
-    real(wp), allocatable :: from(:), to(:)
-    real(wp) :: omega = 0.0_wp
-  contains
-    procedure :: solve => solve_loads
-  end type load_homotopy_type
+  !> Part of a displacement that rounding of the stuck system's modes may take; the part of contact forces that it may hide
+  real(wp), parameter :: last_digits = 64.0_wp*epsilon(1.0_wp), most_rounding = 1.0e-4_wp ! guess
+  !> Samples a period of what does not move
+  integer, parameter :: static_samples = 4 ! conventional
 
 contains
 
   !> Follow the path from the unloaded state; the solver is left with the loads, motion and sliders of the last point.
-  subroutine follow_static_path(solver, path, steps, omega, error)
+  subroutine follow_static_path(solver, path, steps, omega, error, slider)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Factors on the static loads at the corners [loads, corners]
     real(wp), intent(in) :: path(:, :)
-    !> Steps from corner to corner
+    !> Increments from corner to corner at least
     integer, intent(in) :: steps
     !> Angular frequency, which matters to nothing but the scales
     real(wp), intent(in) :: omega
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
+    !> Sliders where the path begins [width, contacts of this rank]; zero unless given
+    real(wp), intent(in), optional :: slider(:, :)
     logical :: reset_slider
+    integer :: harmonics, samples
 
-    ! What points begin at is the path's end: along it sliders go on.
+    ! What points begin at is the path's end: along it sliders go on. Nothing moves but the mean.
     reset_slider = solver%options%reset_slider
+    harmonics = solver%options%harmonics
+    samples = solver%options%samples
     solver%options%reset_slider = .false.
+    call solver%set_resolution(0, static_samples)
+    call solver%set_slider(0.0_wp*solver%static_slider)
+    if (present(slider)) call solver%set_slider(slider)
     call follow_corners(solver, path, steps, omega, error)
+    call solver%set_resolution(harmonics, samples)
+    call solver%set_scales(omega, omega)
     solver%options%reset_slider = reset_slider
+    if (.not. allocated(error)) call keep_static_state(solver)
   end subroutine follow_static_path
 
   !> From corner to corner, sliders going on.
@@ -53,13 +61,14 @@ contains
     type(solver_type), intent(inout) :: solver
     !> Factors on the static loads at the corners [loads, corners]
     real(wp), intent(in) :: path(:, :)
-    !> Steps from corner to corner
+    !> Increments from corner to corner at least
     integer, intent(in) :: steps
     !> Angular frequency, which matters to nothing but the scales
     real(wp), intent(in) :: omega
     !> Allocated: what has failed
     type(error_type), allocatable, intent(out) :: error
     real(wp) :: from(size(path, 1)), to(size(path, 1))
+    real(wp) :: rounding
     integer :: corner, iterations
     logical :: converged
     character(120) :: where_it_failed
@@ -67,16 +76,21 @@ contains
     solver%motion = 0.0_wp
     solver%omega = omega
     solver%evidence = evidence_type()
-    call solver%set_slider(0.0_wp*solver%static_slider)
     from = 0.0_wp
     if (allocated(solver%context%balance%frozen_mean)) deallocate (solver%context%balance%frozen_mean)
     do corner = 1, size(path, 2)
       to = path(:, corner)
-      if (corner == 1 .and. all(abs(to - from) <= 0.0_wp)) cycle
+      if (corner == 1 .and. size(path, 2) > 1 .and. all(abs(to) <= 0.0_wp)) cycle
       call solver%set_loads(to, 0.0_wp)
       call solver%set_scales(omega, omega)
+      call scale_by_structure(solver, to, rounding)
       iterations = 0
-      call follow_homotopy(load_homotopy_type(from, to, omega), solver, iterations, converged, 1.0_wp/steps)
+      call follow_loads(solver, from, to, omega, steps, iterations, converged)
+      if (converged .and. rounding > most_rounding) then
+        ! Where contacts hold the structure it has not gone as far as it would alone.
+        rounding = rounding*solver%context%balance%norm(solver%motion)/solver%context%motion_scale
+        converged = rounding <= most_rounding
+      end if
       if (solver%context%petsc_error /= 0) then
         write (where_it_failed, '(a,i0,a)') 'PETSc failed (error ', solver%context%petsc_error, ') while solving the static balance'
         call raise(error, trim(where_it_failed))
@@ -84,14 +98,59 @@ contains
       end if
       if (.not. converged) then
         write (where_it_failed, '(a,i0,a)') 'static load path, corner ', corner, ': no equilibrium found'
+        if (rounding > most_rounding) then
+          call raise(error, trim(where_it_failed)//too_stiff(rounding))
+          return
+        end if
         if (drifts(solver, omega)) where_it_failed = trim(where_it_failed)//': a body drifts, no contact holds it'
         call raise(error, trim(where_it_failed)//' (do the loads open all contacts that hold a body, or exceed their friction?)')
         return
       end if
       from = to
     end do
-    call keep_static_state(solver)
   end subroutine follow_corners
+
+  !> Steps are relative to how far the structure alone would go, where it is held by itself: contacts that slip or open let it. What
+  !> residuals may be stays what it is relative to the stuck motion, but for rounding of displacements: beside a structure far softer
+  !> than they are contacts' springs turn their last digits into forces.
+  subroutine scale_by_structure(solver, factors, rounding)
+    !> Solver of points, whose scale and tolerance this changes
+    type(solver_type), intent(inout) :: solver
+    !> Factors on the static loads
+    real(wp), intent(in) :: factors(:)
+    !> The part of the contacts' forces that rounding of displacements may hide
+    real(wp), intent(out) :: rounding
+    real(wp) :: stiffness(size(solver%structure%mass, 1), size(solver%structure%mass, 1)), motion(size(stiffness, 1), 1), share
+    integer :: info
+
+    rounding = 0.0_wp
+    if (allocated(solver%structure%sector) .or. solver%context%balance%free%leaves_motion) return
+    stiffness = solver%structure%stiffness
+    call factor_positive(stiffness, info)
+    if (info /= 0) return
+    motion(:, 1) = matmul(solver%structure%static_loads, factors)
+    call solve_positive(stiffness, motion)
+    associate (context => solver%context)
+      share = norm2(matmul(motion(:, 1), solver%contacts%directions))/context%motion_scale
+      rounding = last_digits*share
+      if (share <= 1.0_wp) return
+      context%motion_scale = share*context%motion_scale
+      context%tolerance = max(context%tolerance, min(rounding, most_rounding))/share
+      call context%forget()
+    end associate
+  end subroutine scale_by_structure
+
+  !> What is said where rounding leaves no equilibrium.
+  function too_stiff(rounding) result(text)
+    !> See `scale_by_structure`
+    real(wp), intent(in) :: rounding
+    character(:), allocatable :: text
+    character(12) :: number
+
+    write (number, '(es8.1)') rounding
+    text = ': contacts are so much stiffer than the structure that rounding may hide '//trim(adjustl(number))//' of their forces'// &
+           ' (give them less normal_stiffness and tangential_stiffness)'
+  end function too_stiff
 
   !> Sliders, closed contacts and frozen mean of the static solution that the solver is at.
   subroutine keep_static_state(solver)
@@ -117,18 +176,4 @@ contains
     if (can_regularise(solver)) call find_drift(solver, omega, .false., outcome)
     drifts = outcome%evidence%is_drifting
   end function drifts
-
-  subroutine solve_loads(self, solver, t, converged)
-    class(load_homotopy_type), intent(in) :: self
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Parameter of the homotopy, 0 to 1
-    real(wp), intent(in) :: t
-    !> Did the solve converge?
-    logical, intent(out) :: converged
-
-    call solver%set_loads(self%from + t*(self%to - self%from), 0.0_wp)
-    call solver%solve_at(self%omega)
-    converged = solver%report%converged
-  end subroutine solve_loads
 end module attrito_solve_static_path

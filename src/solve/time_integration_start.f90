@@ -3,8 +3,10 @@
 !>
 !> $$ q = \mathrm{Re} \sum_h X_h, \qquad \dot q = \mathrm{Re} \sum_h i h \omega X_h, $$
 !>
-!> and goes on under the loads of the point that is looked for until Newton's method converges from its averages; then, since the
-!> point before may lead to another motion, once more from rest, q = X_0 and q' = 0.
+!> and goes on under the loads of the point that is looked for until Newton's method converges from its averages. X_h is what the
+!> loads make of the structure under the contact forces of that motion. Then, since the point before may lead to another motion, once
+!> more from rest, q = X_0 and q' = 0. The static solution is at rest, but for rounding: from there rest comes first, and the
+!> linear response X_h after it.
 module attrito_solve_time_integration_start
   use attrito_core_kinds, only: wp
   use attrito_solve_mean_regularisation, only: find_drift
@@ -18,7 +20,7 @@ module attrito_solve_time_integration_start
   public :: has_time_integrator, solve_from_time_integration
 
   !> Averaging windows that Newton's method starts from, all but every third briefly; how many where the point before had no periodic
-  !> solution; and how many from rest
+  !> solution; and how many from rest after motion
   integer, parameter :: attempts_in_motion = 12, full_attempt = 3, attempts_lost = 3, attempts_from_rest = 4 ! guess
   !> Periods averaged at first, and after how many windows they double: the mean of an irregular motion needs longer windows
   integer, parameter :: periods_averaged = 5, attempts_alike = 4 ! guess
@@ -51,34 +53,38 @@ contains
     !> What was found at this point so far, and by this
     type(strategy_outcome_type), intent(inout) :: outcome
     type(snapshot_type) :: before
-    logical :: few
+    logical :: few, at_rest
 
     before = snapshot_of(solver)
     few = previous%no_periodic_solution .or. outcome%evidence%is_drifting
-    call run_and_solve(solver, omega, merge(attempts_lost, attempts_in_motion, few), previous%is_drifting, outcome)
+    associate (context => solver%context)
+      at_rest = context%balance%norm(solver%motion(2:, :)) <= context%tolerance*context%motion_scale
+    end associate
+    call run_and_solve(solver, omega, merge(attempts_lost, attempts_in_motion, few), at_rest, previous%is_drifting, outcome)
     if (outcome%converged .or. previous%no_periodic_solution .or. previous%is_drifting .or. outcome%evidence%is_drifting) return
     call restore(solver, before)
     solver%motion(2:, :) = 0.0_wp
-    call run_and_solve(solver, omega, attempts_from_rest, previous%is_drifting, outcome)
+    call run_and_solve(solver, omega, merge(attempts_in_motion, attempts_from_rest, at_rest), .not. at_rest, previous%is_drifting, &
+                       outcome)
   end subroutine solve_from_time_integration
 
   !> So many averaging windows from the present point.
-  subroutine run_and_solve(solver, omega, attempts, was_drifting, outcome)
+  subroutine run_and_solve(solver, omega, attempts, from_rest, was_drifting, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> How many averaging windows
     integer, intent(in) :: attempts
-    !> Did the body drift at the point before?
-    logical, intent(in) :: was_drifting
+    !> Does nothing move at first? Did the body drift at the point before?
+    logical, intent(in) :: from_rest, was_drifting
     !> What was found at this point so far, and by this
     type(strategy_outcome_type), intent(inout) :: outcome
     type(periods_type) :: periods
     logical :: early_stop
     integer :: attempt, drifting
 
-    call start_integrator(solver, outcome%converged)
+    call start_integrator(solver, from_rest, outcome%converged)
     if (.not. outcome%converged) return
     drifting = 0
     do attempt = 1, attempts
@@ -130,13 +136,15 @@ contains
   end subroutine move_on
 
   !> Start the time integration at the solver's motion, at the start of a period.
-  subroutine start_integrator(solver, is_started)
+  subroutine start_integrator(solver, from_rest, is_started)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Does nothing move at first, whatever the loads would do?
+    logical, intent(in) :: from_rest
     !> .false.: the balance cannot be evaluated here
     logical, intent(out) :: is_started
     real(wp), allocatable :: displacement(:), rate(:)
-    real(wp) :: slider(2, size(solver%contacts%law)), moving
+    real(wp) :: slider(2, size(solver%contacts%law))
     integer :: status
 
     associate (balance => solver%context%balance)
@@ -144,9 +152,7 @@ contains
       call solver%context%forget()
       is_started = status == 0
       if (.not. is_started) return
-      ! After the static solution the structure is at rest, whatever the loads would do.
-      moving = balance%ranks%largest(maxval([0.0_wp, abs(solver%motion(2:, :))]))
-      if (moving <= 0.0_wp) balance%response(:, 1:) = 0.0_wp
+      if (from_rest) balance%response(:, 1:) = 0.0_wp
       call balance%receptance%state_at_start(balance%response, solver%omega, displacement, rate)
       call balance%ranks%gather_columns_everywhere(balance%slider, slider)
       call solver%time_integrator%set_state(rounded(displacement), rounded(rate), reshape(rounded([slider]), shape(slider)), &

@@ -59,6 +59,17 @@ def test_a_verdict_on_coarse_harmonics_is_that_of_the_event_exact_orbit():
     assert 1e-3 < chosen.distance < NEAR
 
 
+@pytest.mark.parametrize("steps", [1, 4, 20])
+def test_a_first_point_is_found_however_many_steps_the_static_path_before_it_took(steps):
+    # Open at rest, and the path's rounding leaves harmonics of 1e-20 m or none: motion in time begins alike after both.
+    at = 138.8
+    scene = Family(1, 100.0, 0.3, "apart", 45.0).scene()
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
+        solver.follow_static_path(np.array([[0.0], [1.0]]), steps, at)
+        (point,) = solver.solve_at([at], 1.0, 0)
+    assert point.outcome == "converged"
+
+
 def examined(family, first, number):
     """A point of the grid by way of those from `first` on, its examination, and the motion in time that it comes to."""
     scene, masses, at = family.scene(), family.masses, frequencies()[number]

@@ -5,7 +5,7 @@ module integrations
   use attrito_core_lapack, only: solve_dense
   use attrito_integrate_loading, only: new_profile
   use attrito_integrate_run, only: run_options_type, orbit_type, integrate
-  use attrito_integrate_static_path, only: follow_static_path
+  use attrito_integrate_static_path, only: start_at_end_of_path
   use attrito_integrate_system, only: system_type, new_system
   use scenes, only: scene_type
   implicit none
@@ -57,7 +57,7 @@ contains
     call new_system(scene%structure, scene%contacts, system, error)
     if (allocated(error)) return
     moved = slider
-    call follow_static_path(system, reshape(path, [1, size(path)]), 20, motion, moved, error)
+    call start_at_end_of_path(scene%structure, scene%contacts, system, reshape(path, [1, size(path)]), 20, motion, moved, error)
     if (allocated(error)) return
     call integrate(system, options, motion, 0.0_wp*motion, moved, orbit, error)
   end subroutine run_from_path

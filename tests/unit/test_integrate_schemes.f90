@@ -13,7 +13,8 @@ program test_integrate_schemes
   use attrito_model_structure, only: damping_ratio
   use integrations, only: choices, run_from_path, displacement_of
   use scenes, only: scene_type, wedge, damp, damp_as_modes_ratio
-  use testing, only: test, run_suite, check, check_close
+  use session, only: run_in_session
+  use testing, only: test, check, check_close
   implicit none
 
   integer, parameter :: schemes(5) = [scheme_central_difference, scheme_newmark, scheme_hht, scheme_generalised_alpha, &
@@ -22,14 +23,14 @@ program test_integrate_schemes
                                          'exponential']
   real(wp), parameter :: no_slider(2, 1) = 0.0_wp
 
-  if (run_suite('integrate_schemes', [ &
+  call run_in_session('integrate_schemes', [ &
                 test('every scheme is of second order on smooth motion', smooth_order), &
                 test('every scheme is close to second order on stick-slip', stick_slip_order), &
                 test('a step that eliminates contacts that slip or open alone is that of all rows', active_forces), &
                 test('a second tangent that nothing moves changes nothing', idle_tangent), &
                 test('with two tangents the steps converge in second order', two_tangent_order), &
                 test('events are refused with two tangents', refused), &
-                test('a damping ratio is the viscous damping of the stuck modes', ratio)], quiet=.false.) > 0) error stop 1
+                test('a damping ratio is the viscous damping of the stuck modes', ratio)])
 
 contains
 

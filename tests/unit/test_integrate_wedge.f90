@@ -8,12 +8,13 @@ program test_integrate_wedge
   use attrito_integrate_system, only: system_type
   use integrations, only: choices, run_from, run_from_path
   use scenes, only: scene_type, wedge, wedge_preload
-  use testing, only: test, run_suite, check, check_close
+  use session, only: run_in_session
+  use testing, only: test, check, check_close
   implicit none
 
   real(wp), parameter :: no_slider(2, 1) = 0.0_wp
 
-  if (run_suite('integrate_wedge', [ &
+  call run_in_session('integrate_wedge', [ &
                 test('at 132 Hz and 5 N the steady state is that of the paper', steady_state), &
                 test('its period defect falls below 1e-12 of the amplitude', defect), &
                 test('over a period the loads do the work that friction and damping take', energy_balance), &
@@ -23,7 +24,7 @@ program test_integrate_wedge
                 test('with lift-off it is steady, and work still balances', lift_off), &
                 test('on a level wall it is locked below the closed form''s force and slips above', lock_up), &
                 test('it works from event to event: four changes of the contact in a steady period', few_events), &
-                test('too few cycles are told', too_few)], quiet=.false.) > 0) error stop 1
+                test('too few cycles are told', too_few)])
 
 contains
 

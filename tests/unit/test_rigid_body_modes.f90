@@ -21,6 +21,7 @@ program test_rigid_body_modes
                       test('of a structure that buckles they are told from what it does not resist', buckling), &
                       test('one in which all coordinates move alike is told by its stiffness, not by the last pivot', spread_out), &
                       test('they are those that its stiffness makes nothing of, the first of them those that slide', found), &
+                      test('a motion that rounding alone holds counts as free, one that soft springs hold does not', softness), &
                       test('what mean forces lack along them is the residual''s part there, at any motion', balance_of_forces), &
                       test('of forces that balance but for rounding nothing is missing, but for a millionth something is', &
                            rounding_of_forces), &
@@ -69,6 +70,7 @@ contains
 
     solver = solver_of(rubbing_frame())
     call check(error, solver%context%balance%free%count == 0, 'a motion counts as free')
+    call check(error, .not. solver%context%balance%free%leaves_motion, 'the structure does not hold')
     call check_close(error, solver%context%balance%imbalance(solver%motion(1, :)), 0.0_wp, 0.0_wp, 'imbalance')
     call solver%destroy()
   end subroutine held
@@ -93,6 +95,29 @@ contains
     end associate
     call solver%destroy()
   end subroutine found
+
+  !> What is free is given springs, or less than nothing: parts of the largest stiffness that rounding hides, or does not.
+  subroutine softness(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene, softer
+    type(solver_type) :: solver
+    real(wp), parameter :: parts(4) = [1.0e-11_wp, 1.0e-12_wp, 1.0e-15_wp, -1.0e-15_wp]
+    integer :: i, j
+
+    scene = free_frame()
+    associate (largest => maxval(abs(scene%structure%stiffness)))
+      do i = 1, size(parts)
+        softer = scene
+        do j = 1, coordinates
+          softer%structure%stiffness(j, j) = softer%structure%stiffness(j, j) + parts(i)*largest
+        end do
+        solver = solver_of(softer)
+        call check(error, solver%context%balance%free%leaves_motion .eqv. parts(i) < 1.0e-13_wp, &
+                   'rounding is taken for a spring, or a spring for rounding')
+        call solver%destroy()
+      end do
+    end associate
+  end subroutine softness
 
   !> A negative stiffness, as spin softening makes it, along a motion that the frame resists
   subroutine buckling(error)

@@ -105,9 +105,9 @@ contains
   subroutine along_branch(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call check(error, moves_mean_alone(0.1_wp, none_holds=.true.), 'no contact holds')
-    call check(error,.not. moves_mean_alone(0.1_wp, none_holds=.false.), 'one holds')
-    call check(error, moves_mean_alone(0.9_wp*mean_share, none_holds=.false.), 'one holds, the mean alone changes')
-    call check(error,.not. moves_mean_alone(0.9_wp, none_holds=.true.), 'no contact holds, the motion changes')
+    call check(error, moves_mean_alone(0.1_wp, is_free=.true.), 'no contact holds')
+    call check(error,.not. moves_mean_alone(0.1_wp, is_free=.false.), 'one holds')
+    call check(error, moves_mean_alone(0.9_wp*mean_share, is_free=.false.), 'one holds, the mean alone changes')
+    call check(error,.not. moves_mean_alone(0.9_wp, is_free=.true.), 'no contact holds, the motion changes')
   end subroutine along_branch
 end program test_rigid_drift

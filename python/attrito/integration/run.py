@@ -21,6 +21,7 @@ from attrito.integration.attractors import Attractor, State, find_attractors, su
 from attrito.job.job import Job
 from attrito.job.laws import RULES, laws_by_samples, laws_in_parallel
 from attrito.job.reading import read_job
+from attrito.library import loading
 from attrito.library.integrator import Integrator, Orbit, Run
 from attrito.library.reduced_scene import ReducedScene
 from attrito.results.stored_point import read_point
@@ -73,6 +74,7 @@ def _integrate(comm: Comm, job: Job, scene: Scene | None, file: str, say: Callab
 
     on_root(comm, lambda: warn(cautions.of_scene(job, scene)))
     rom, _ = make_rom(comm, job, scene, say)
+    loading.start(comm)
 
     def work() -> tuple[str, str]:
         own = reduced_scene(job, scene, rom)

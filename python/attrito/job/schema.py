@@ -214,7 +214,12 @@ TABLES: dict[str, dict[str, Key]] = {
             "start sliders of each point: of the point before, or the static ones; a listed frequency begins at the"
             " static solution then, and is what it is alone",
         ),
-        "steps": Key(integer(1, 100_000), 20, "steps from corner to corner, halved where one fails"),
+        "steps": Key(
+            integer(1, 100_000),
+            4,
+            "increments from corner to corner at least; they are halved until their estimated error is 1e-6 of the"
+            " largest normal force ([method.md](method.md#the-static-load-path))",
+        ),
         "bounds": Key(
             choice("auto", "sampled", "none"),
             "auto",

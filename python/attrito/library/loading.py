@@ -11,11 +11,15 @@ import functools
 import os
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from attrito.library.description import differing_sizes
 from attrito.library.signatures import declare
 from attrito.support.errors import Fault, InputError, NumericsError
 from attrito.support.version import __version__
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
 
 NAME = "libattrito.so"
 MESSAGE_LENGTH = 2000
@@ -48,6 +52,12 @@ def load() -> ctypes.CDLL:
             return loaded
     expected = f"the built library in {', '.join(map(str, looked))} (run script/bootstrap, or install attrito_*.deb)"
     raise InputError(Fault("attrito", NAME, "not found", expected))
+
+
+def start(comm: Comm) -> None:
+    """Start what the library uses on all ranks, before the root alone solves something. Collective."""
+    message = message_buffer()
+    check(load().attrito_start(comm.py2f(), message, len(message)), message)
 
 
 def _check_interface(loaded: ctypes.CDLL, place: Path) -> None:

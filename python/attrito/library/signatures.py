@@ -42,6 +42,7 @@ HANDLE = c_void_p
 SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     # The library as a whole
     "attrito_describe": (c_int, (c_int, c_char_p)),
+    "attrito_start": (c_int, (c_int, *MESSAGE)),
     "attrito_stop": (None, ()),
     # Sessions of the solver
     "attrito_create": (HANDLE, (c_int, c_int, Doubles, Doubles, c_int, c_double, c_void_p)),
