@@ -44,6 +44,9 @@ module attrito_accuracy_error_control
   integer, parameter :: most_growth = 2 ! guess
   !> Longer series are long: Newton's method costs much there, and from far away it is given up early
   integer, parameter :: long_series = 20 ! guess
+  !> Operations that a point may take on longer series, some 15 s: of a large joint that hardly settles a point with an unknown error
+  !> is worth more than none
+  real(wp), parameter :: most_work = 3.0e11_wp ! guess
   !> Points of a branch in a row that ask for less than half before harmonics or samples fall, and that a comparison of two series
   !> holds for
   integer, parameter :: patience = 5 ! guess
@@ -266,7 +269,7 @@ contains
     type(finer_point_type) :: finer
     type(kept_point_type) :: first
     real(wp), allocatable :: shorter(:, :)
-    real(wp) :: left_open, change, shown
+    real(wp) :: left_open, change, shown, begun
     integer :: attempt, harmonics, samples, iterations, unsettled
     logical :: better, was_sure, can_leap
 
@@ -275,6 +278,7 @@ contains
     can_leap = .true.
     unsettled = 0
     iterations = solver%report%iterations
+    begun = work_of(solver)
     self%next_harmonics = 0
     do attempt = 0, most_refinements
       call self%estimate(solver, solver%report%converged, finer)
@@ -306,8 +310,10 @@ contains
       if (self%choose_harmonics .and. .not. self%estimator%is_sure) then
         was_sure = was_sure .and. self%estimator%is_stiff
         unsettled = min(self%estimator%unsettled, most_harmonics)
-        harmonics = min(max(harmonics, unsettled), most_growth*solver%options%harmonics)
-        harmonics = min(max(harmonics, next_longer(solver%options%harmonics)), most_harmonics)
+        harmonics = min(harmonics, most_growth*solver%options%harmonics)
+        harmonics = max(harmonics, next_longer(solver%options%harmonics))
+        if (expected_work(unsettled) <= most_work) harmonics = max(harmonics, unsettled)
+        harmonics = min(harmonics, most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
         if (attempt == 0 .and. accepted(self) .and. .not. self%estimator%is_stiff) then
           left_open = self%estimator%at_most
@@ -315,6 +321,7 @@ contains
         end if
       end if
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
+      if (expected_work(harmonics) > most_work) exit
       shorter = own_monitors(solver)
       call leap_or_step(self, solver, finer, harmonics, samples, can_leap, iterations, better)
       if (.not. better) then
@@ -328,10 +335,30 @@ contains
       self%errors%harmonics = ieee_value(self%errors%harmonics, ieee_quiet_nan)
     end if
     solver%report%iterations = iterations
+
+  contains
+
+    !> Operations that the point will have taken with so long a series, as many for each pair of harmonics as so far.
+    real(wp) function expected_work(harmonics)
+      !> Highest harmonic, H
+      integer, intent(in) :: harmonics
+
+      expected_work = (work_of(solver) - begun)*(real(harmonics, wp)/solver%options%harmonics)**2
+    end function expected_work
   end subroutine refine
 
-  !> Solve the point again on the series that is asked for; if that fails, on the next longer one. A leap to a series that is long and
-  !> far gives Newton's method little to start from, and much to do: it is given up early, and none is tried at this point any more.
+  !> Operations so far, of all ranks.
+  real(wp) function work_of(solver) result(work)
+    !> Solver of points
+    type(solver_type), intent(in) :: solver
+
+    work = solver%context%balance%work
+    call solver%context%balance%ranks%sum(work)
+  end function work_of
+
+  !> Solve the point again on the series that is asked for; if that fails, on the next longer one, and at last from the motion as it
+  !> is: the first order may lead far away. A leap to a series that is long and far gives Newton's method little to start from, and
+  !> much to do: it is given up early, and none is tried at this point any more.
   subroutine leap_or_step(self, solver, finer, harmonics, samples, can_leap, iterations, better)
     type(error_control_type), intent(in) :: self
     !> Solver of points, which this moves
@@ -346,17 +373,24 @@ contains
     integer, intent(inout) :: iterations
     !> Is there a finer point?
     logical, intent(out) :: better
-    integer :: step
+    type(finer_point_type) :: here
+    integer :: step, samples_of_step
     logical :: is_leap
 
     step = next_longer(solver%options%harmonics)
     is_leap = harmonics > max(step, long_series)
     better = .false.
     if (can_leap .or. .not. is_leap) call solve_finer(solver, finer, harmonics, samples, is_leap, iterations, better)
-    if (better .or. harmonics <= step) return
+    if (better) return
     can_leap = can_leap .and. .not. is_leap
-    call solve_finer(solver, finer, step, max(needed_samples(self, solver, step), solver%options%samples, 6*step + 2), .false., &
-                     iterations, better)
+    samples_of_step = samples
+    if (harmonics > step) then
+      samples_of_step = max(needed_samples(self, solver, step), solver%options%samples, 6*step + 2)
+      call solve_finer(solver, finer, step, samples_of_step, .false., iterations, better)
+      if (better) return
+    end if
+    here%motion = solver%motion
+    call solve_finer(solver, here, min(harmonics, step), samples_of_step, .false., iterations, better)
   end subroutine leap_or_step
 
   !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted. It says nothing

@@ -22,7 +22,7 @@ module attrito_newton_mean_contacts
   public :: mean_contacts_type
 
   !> Part of its spring that a row keeps at least, which holds bodies that are free without
-  real(wp), parameter :: least_kept = 1.0e-3_wp ! guess
+  real(wp), parameter :: least_kept = 1.0e-8_wp ! guess
   !> Part of their springs kept in the step that leaves contacts as good as they are
   real(wp), parameter :: hardly_kept = 1.0e-6_wp ! derived
   !> Parts of springs lost that count as none, and by which they change until modes are found anew, relative to what is lost
