@@ -12,15 +12,14 @@ module attrito_accuracy_error_control
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
-  use attrito_core_trigonometric, only: resized
-  use attrito_newton_border, only: constraint_type
-  use attrito_newton_newton, only: newton_report_type
   use attrito_accuracy_amplitude_change, only: relative_change
   use attrito_accuracy_error_estimate, only: error_estimate_type, any_sampled, harmonics_share, samples_share, own_monitors, &
                                               short_series
   use attrito_accuracy_finer_balance, only: finer_point_type
+  use attrito_accuracy_finer_solution, only: solve_finer
   use attrito_accuracy_kept_point, only: kept_point_type
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
+  use attrito_accuracy_series_comparison, only: patience, series_comparison_type
   use attrito_continuation_sweep, only: sweep_type
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_strategy_outcome, only: evidence_type
@@ -47,14 +46,6 @@ module attrito_accuracy_error_control
   !> Operations that a point may take on longer series, some 15 s: of a large joint that hardly settles a point with an unknown error
   !> is worth more than none
   real(wp), parameter :: most_work = 3.0e11_wp ! guess
-  !> Points of a branch in a row that ask for less than half before harmonics or samples fall, and that a comparison of two series
-  !> holds for
-  integer, parameter :: patience = 5 ! guess
-  !> So many times what a comparison found of what was open is the error of the points that it holds for
-  real(wp), parameter :: caution = 2.0_wp ! guess
-
-  !> Part of the frequency by which a finer series moves a point at most: beyond, it is another
-  real(wp), parameter :: farthest = 0.2_wp ! guess
 
   type :: error_control_type
     !> Relative error accepted in the amplitude
@@ -70,10 +61,7 @@ module attrito_accuracy_error_control
     integer, private :: first(2) = 0, next_harmonics = 0, next_samples = 0
     !> Points of a branch in a row that ask for less than half; the most harmonics and samples that these ask for
     integer, private :: modest = 0, most_asked(2) = 0
-    !> Points of the branch that the last comparison of two series holds for, while harmonics and samples are those of then; the
-    !> change that it found, in units of what was open (`error_estimate_type%at_most`)
-    integer, private :: trusted = 0, compared(2) = 0
-    real(wp), private :: change = 1.0_wp
+    type(series_comparison_type), private :: comparison
   contains
     procedure :: estimate
     procedure :: advance
@@ -112,10 +100,7 @@ contains
     call store%keep(self%modest)
     call store%keep(self%most_asked(1))
     call store%keep(self%most_asked(2))
-    call store%keep(self%trusted)
-    call store%keep(self%compared(1))
-    call store%keep(self%compared(2))
-    call store%keep(self%change)
+    call self%comparison%keep(store)
   end subroutine keep
 
   !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.
@@ -248,7 +233,7 @@ contains
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
 
-    self%trusted = 0
+    call self%comparison%forget()
     if (self%first(1) == 0) self%first = [solver%options%harmonics, solver%options%samples]
     if (solver%options%reset_slider) then
       call solver%set_resolution(self%first(1), self%first(2))
@@ -408,7 +393,7 @@ contains
     self%estimator%is_sure = accepted(self) .and. solver%options%harmonics >= unsettled
   end subroutine compare
 
-  !> A longer series has shown what the point on this one errs by: know it for the points that follow.
+  !> A longer series has shown what the point on this one errs by: it counts, and for the points that follow.
   subroutine trust(self, solver, shown)
     type(error_control_type), intent(inout) :: self
     !> Solver of points, on the shorter series, and estimated there
@@ -418,9 +403,7 @@ contains
 
     self%errors%harmonics = max(self%errors%harmonics, shown)
     self%estimator%is_sure = .true.
-    self%trusted = patience
-    self%compared = [solver%options%harmonics, solver%options%samples]
-    self%change = shown/max(self%estimator%at_most, tiny(1.0_wp))
+    call self%comparison%take([solver%options%harmonics, solver%options%samples], shown, self%estimator%at_most)
   end subroutine trust
 
   !> Along a branch an estimate that is not sure counts by what the last comparison of two series found.
@@ -429,12 +412,12 @@ contains
     !> Solver of points: its harmonics and samples
     type(solver_type), intent(in) :: solver
     real(wp) :: error
+    logical :: is_known
 
-    if (self%estimator%is_sure .or. self%estimator%is_stiff .or. self%trusted == 0) return
-    if (any(self%compared /= [solver%options%harmonics, solver%options%samples])) return
-    self%trusted = self%trusted - 1
-    error = max(self%errors%harmonics, caution*self%change*self%estimator%at_most)
-    if (error > harmonics_share*self%tolerance) return
+    if (self%estimator%is_sure .or. self%estimator%is_stiff) return
+    call self%comparison%bound([solver%options%harmonics, solver%options%samples], self%estimator%at_most, error, is_known)
+    error = max(self%errors%harmonics, error)
+    if (.not. is_known .or. error > harmonics_share*self%tolerance) return
     self%errors%harmonics = error
     self%estimator%is_sure = .true.
   end subroutine rely_on_comparison
@@ -454,49 +437,6 @@ contains
     accepted = (.not. self%choose_harmonics .or. self%errors%harmonics <= harmonics_share*self%tolerance) .and. &
                (.not. self%choose_samples .or. self%errors%samples <= samples_share*self%tolerance)
   end function accepted
-
-  !> Solve the point again, finer, from where it is expected; back to what it was if that fails.
-  subroutine solve_finer(solver, finer, harmonics, samples, early_stop, iterations, better)
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Point by the finer balance, to first order
-    type(finer_point_type), intent(in) :: finer
-    !> Highest harmonic, H; samples a period, J
-    integer, intent(in) :: harmonics, samples
-    !> Give up after a few iterations of Newton's method
-    logical, intent(in) :: early_stop
-    !> Counts on
-    integer, intent(inout) :: iterations
-    !> Is there a finer point?
-    logical, intent(out) :: better
-    type(snapshot_type) :: before
-    type(newton_report_type) :: report
-    type(constraint_type) :: constraint
-    real(wp), allocatable :: slider(:, :)
-    logical, allocatable :: periodic(:)
-    integer :: resolution(2), status
-
-    before = snapshot_of(solver)
-    report = solver%report
-    resolution = [solver%options%harmonics, solver%options%samples]
-    ! Two series are compared from the same start: sliders at rest begin where the point's first solve did.
-    slider = solver%context%balance%slider
-    periodic = solver%context%balance%periodic
-    if (allocated(solver%slider_before)) slider = merge(slider, solver%slider_before, spread(periodic, 1, size(slider, 1)))
-    call solver%set_resolution(harmonics, samples)
-    call solver%set_slider(slider, periodic)
-    solver%motion = resized(finer%motion, 2*harmonics + 1)
-    constraint = solver%context%constraint
-    call solver%solve_with(constraint, early_stop)
-    iterations = iterations + solver%report%iterations
-    ! The constraint's plane meets branches far away, too.
-    better = solver%report%converged .and. abs(solver%omega - before%omega) <= farthest*before%omega
-    if (better) return
-    call solver%set_resolution(resolution(1), resolution(2))
-    call restore(solver, before)
-    call solver%context%balance%evaluate(solver%motion, solver%omega, status)
-    solver%report = report
-  end subroutine solve_finer
 
   !> Harmonics that this point needs: the error shrinks with the part of the motion that is left out.
   integer function needed_harmonics(self, solver, finer) result(needed)

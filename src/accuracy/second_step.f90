@@ -5,7 +5,7 @@
 !>    d_h \leftarrow d_h + \rho_h \quad (h > H) $$
 !>
 !> Beyond H the contacts feel the motion that they cause there themselves: the first answer d^1_h is that to forces without it, the
-!> second to forces with it once. Where the second changes the first by lambda times that, all further answers together come to
+!> second to forces with it once. If the second changes the first by lambda times that, all further answers together come to
 !> lambda / (1 - lambda) times the change. If that is too much, further answers are found, mixed as Anderson's method does, until the
 !> last change is small.
 !> Source: Walker & Ni 2011, doi:10.1137/10078356X.
@@ -82,7 +82,7 @@ contains
         call add_frequency(response, first%omega - solver%omega)
         answer = balance%contact_rows%motion_of(response)
         monitors = balance%monitors%motion_of(response)
-        call compare(answers, solver, motion, answer, of_motion, monitors, anew=i == 0)
+        call compare(answers, solver, motion, answer, of_motion, monitors, are_first=i == 0)
         call sum_further(answers, (k + 1)/2, threshold, second)
         if (second%unsettled == 0) exit
         of_motion = monitors
@@ -150,7 +150,7 @@ contains
   end subroutine evaluate_all
 
   !> What two answers are, harmonic by harmonic. Their ratio is that of the first two.
-  subroutine compare(answers, solver, first, second, first_monitors, second_monitors, anew)
+  subroutine compare(answers, solver, first, second, first_monitors, second_monitors, are_first)
     !> Takes it
     type(answers_type), intent(inout) :: answers
     !> Solver of points: its motion, sliders, angular frequency and balance
@@ -158,7 +158,7 @@ contains
     !> Motion of this rank's rows [2 K + 1, rows], and monitors [2 K + 1, monitors]
     real(wp), intent(in) :: first(:, :), second(:, :), first_monitors(:, :), second_monitors(:, :)
     !> Are these the first two?
-    logical, intent(in) :: anew
+    logical, intent(in) :: are_first
     complex(wp), allocatable :: before(:, :), change(:, :)
     real(wp) :: sums(size(first, 1)/2, 4)
     complex(wp) :: product
@@ -174,7 +174,7 @@ contains
     call solver%context%balance%ranks%sum(sums)
     answers%before = sqrt(sums(:, 1))
     answers%change = sqrt(sums(:, 2))
-    if (anew) answers%ratio = cmplx(sums(:, 3), sums(:, 4), wp)/max(sums(:, 1), tiny(1.0_wp))
+    if (are_first) answers%ratio = cmplx(sums(:, 3), sums(:, 4), wp)/max(sums(:, 1), tiny(1.0_wp))
     answers%monitors = abs(to_complex(first_monitors))
     answers%change_of_monitors = abs(to_complex(second_monitors - first_monitors))
   end subroutine compare

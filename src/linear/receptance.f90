@@ -55,6 +55,7 @@ module attrito_linear_receptance
     procedure(own_block), deferred :: own_block
     procedure :: set_harmonics
     procedure :: set_frequency
+    procedure :: set_like
     procedure :: respond
     procedure :: respond_adjoint
     procedure :: respond_derivative
@@ -311,6 +312,19 @@ contains
     end do
     self%omega = omega
   end subroutine set_frequency
+
+  !> Make ready for the harmonics, the excitation and the frequency of another.
+  subroutine set_like(self, other, status)
+    class(receptance_type), intent(inout) :: self
+    !> Set to a frequency
+    class(receptance_type), intent(in) :: other
+    !> 0, or not: the system is singular there
+    integer, intent(out) :: status
+
+    if (self%harmonics /= other%harmonics) call self%set_harmonics(other%harmonics)
+    if (abs(self%excitation - other%excitation) > 0.0_wp) call self%excite(other%excitation)
+    call self%set_frequency(other%omega, status)
+  end subroutine set_like
 
   !> X_h = Z_h^-1 F_h, up to any harmonic that it is set for.
   subroutine respond(self, force, response)

@@ -197,17 +197,17 @@ contains
     type(outcome_type), intent(inout) :: outcome
     !> Do they serve?
     logical, intent(out) :: serves
-    logical :: anew
+    logical :: is_latest
 
     do
-      call kept%mean%serve(context%system%balance, stiffening, serves, anew)
+      call kept%mean%serve(context%system%balance, stiffening, serves, is_latest)
       if (.not. serves) return
       associate (balance => context%system%balance)
         balance%work = balance%work + kept%mean%flops/balance%ranks%ranks
       end associate
       call new_mean_preconditioner(context%system, kept%mean, context%preconditioner)
       call run_with(kept%mean, context, outcome)
-      if (anew .or. is_final(outcome)) return
+      if (is_latest .or. is_final(outcome)) return
     end do
   end subroutine solve_by_mean
 

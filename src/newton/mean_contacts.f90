@@ -25,7 +25,7 @@ module attrito_newton_mean_contacts
   real(wp), parameter :: least_kept = 1.0e-8_wp ! guess
   !> Part of their springs kept in the step that leaves contacts as good as they are
   real(wp), parameter :: hardly_kept = 1.0e-6_wp ! derived
-  !> Parts of springs lost that count as none, and by which they change until modes are found anew, relative to what is lost
+  !> Parts of springs lost that count as none, and by which they change until modes are found again, relative to what is lost
   real(wp), parameter :: negligible = 0.01_wp, changed = 0.1_wp ! guess
 
   type, extends(kept_factors_type) :: mean_contacts_type
@@ -36,6 +36,8 @@ module attrito_newton_mean_contacts
     !> Of the modes last found; iterations of GMRES that cost as much
     real(wp) :: flops = 0.0_wp
     integer, private :: modes_worth = 1
+    !> Has what is lost been loaded, and R' yet to be found?
+    logical, private :: is_loaded = .false.
   contains
     procedure :: prepare
     procedure :: take
@@ -47,13 +49,14 @@ module attrito_newton_mean_contacts
 
 contains
 
-  !> Have R' at hand, if anything is known to be lost.
+  !> Find the modes of what was loaded.
   subroutine prepare(self, balance)
     class(mean_contacts_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
 
-    if (allocated(self%receptance) .or. .not. allocated(self%rows)) return
+    if (.not. self%is_loaded) return
+    self%is_loaded = .false.
     if (size(self%rows) > 0) call balance%receptance%without_springs(nint(self%rows), self%lost, self%receptance)
   end subroutine prepare
 
@@ -74,7 +77,6 @@ contains
     call balance%ranks%sum(sums)
     is_new = sums(1) > changed**2*sums(2)
     self%flops = 0.0_wp
-    call self%begin(0, self%modes_worth)
     if (.not. is_new) return
     mine = pack([(i, i=1, size(lost))], lost > 0.0_wp)
     call balance%ranks%gather_integers(balance%first_row - 1 + mine, all)
@@ -83,7 +85,7 @@ contains
     self%rows = real(all, wp)
     self%lost = together(1, :)
     if (allocated(self%receptance)) deallocate (self%receptance)
-    call self%prepare(balance)
+    if (size(all) > 0) call balance%receptance%without_springs(all, self%lost, self%receptance)
     is_new = allocated(self%receptance)
     associate (n => real(size(balance%response, 1), wp))
       self%flops = merge(flops_of_modes*n**3, 0.0_wp, is_new)
@@ -92,9 +94,9 @@ contains
     end associate
   end subroutine take
 
-  !> Make ready for a step at the balance's last evaluation: with modes anew if these have cost more than that in iterations, and if
+  !> Make ready for a step at the balance's last evaluation: with other modes if these have cost more than that in iterations, and if
   !> contacts differ from those at hand. Do they serve it?
-  subroutine serve(self, balance, stiffening, serves, anew)
+  subroutine serve(self, balance, stiffening, serves, is_latest)
     class(mean_contacts_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
@@ -102,24 +104,24 @@ contains
     real(wp), intent(in) :: stiffening
     !> Is there an R', set to the balance's frequency?
     logical, intent(out) :: serves
-    !> Is it the best there is?
-    logical, intent(out) :: anew
+    !> Is it of this evaluation, or nearly so?
+    logical, intent(out) :: is_latest
     logical :: is_new
     integer :: status
 
+    is_latest = .false.
     serves = stiffening <= hardly_kept .and. .not. (balance%receptance%held > 0.0_wp .or. balance%receptance%is_lifted())
     if (.not. serves) return
     call self%prepare(balance)
-    anew = .not. (allocated(self%receptance) .and. self%pays(0))
+    is_latest = .not. (allocated(self%receptance) .and. self%pays(0))
     self%flops = 0.0_wp
-    if (anew) call self%take(balance, is_new)
+    if (is_latest) then
+      call self%take(balance, is_new)
+      if (.not. is_new) call self%begin(0, self%modes_worth)
+    end if
     serves = allocated(self%receptance)
     if (.not. serves) return
-    associate (opened => self%receptance, receptance => balance%receptance)
-      if (opened%harmonics /= receptance%harmonics) call opened%set_harmonics(receptance%harmonics)
-      if (abs(opened%excitation - receptance%excitation) > 0.0_wp) call opened%excite(receptance%excitation)
-      call opened%set_frequency(receptance%omega, status)
-    end associate
+    call self%receptance%set_like(balance%receptance, status)
     serves = status == 0
   end subroutine serve
 
@@ -184,6 +186,7 @@ contains
     type(state_store_type), intent(inout) :: store
 
     if (store%reading .and. allocated(self%receptance)) deallocate (self%receptance)
+    self%is_loaded = self%is_loaded .or. store%reading
     call store%keep(self%modes_worth)
     call self%begin(0, self%modes_worth)
     if (.not. allocated(self%rows)) self%rows = [real(wp) ::]

@@ -18,8 +18,9 @@ module attrito_newton_preconditioners
     !> Where most of what moves is open
     type(tangent_reference_type) :: reference
     type(tangent_factors_type) :: left_over
-    !> Where two levels take too many iterations: the last time with factors just made, these were so many
+    !> For contacts on which two levels take too many iterations
     type(mean_contacts_type) :: mean
+    !> Of GMRES on two levels, the last time that their factors had just been made
     real(wp) :: two_level_iterations = two_level_iterations_at_first
   contains
     procedure :: keep

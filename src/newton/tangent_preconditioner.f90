@@ -8,6 +8,7 @@
 module attrito_newton_tangent_preconditioner
   use attrito_core_kinds, only: sp, wp
   use attrito_newton_condensed_operator, only: condensed_operator_type
+  use attrito_newton_modal_response, only: modal_response_type, new_modal_response
   use attrito_newton_preconditioner, only: preconditioner_type
   use attrito_newton_tangent_factors, only: tangent_factors_type
   use attrito_newton_tangent_reference, only: tangent_reference_type
@@ -28,8 +29,9 @@ module attrito_newton_tangent_preconditioner
     integer, allocatable :: first(:)
     !> K of the rows without springs, for all coefficients alike
     real(sp), allocatable :: springs(:)
-    !> Modes of R' at these rows [n, rows], at those of D' [n, rows], and their flexibility [n, 0:H]
-    real(sp), allocatable :: shapes(:, :), shapes_left(:, :), real_part(:, :), imaginary_part(:, :)
+    !> Modes of R' at these rows [n, rows] and at those of D' [n, rows], and how they respond
+    real(sp), allocatable :: shapes(:, :), shapes_left(:, :)
+    type(modal_response_type) :: response
   contains
     procedure :: apply_inverse
   end type tangent_preconditioner_type
@@ -48,6 +50,7 @@ contains
     class(preconditioner_type), allocatable, intent(out) :: preconditioner
     type(tangent_preconditioner_type), allocatable :: self
     integer, allocatable :: rows(:)
+    integer :: i, row
 
     allocate (self)
     self%system => system
@@ -57,7 +60,8 @@ contains
       call list_rows(self, balance, reference, rows)
       self%shapes = real(reference%receptance%mode_shapes(1, reference%receptance%common_modes(), &
                                                           balance%first_row - 1 + rows), sp)
-      call take_flexibility(self, balance, reference)
+      self%response = new_modal_response(reference%receptance, balance)
+      self%shapes_left = self%shapes(:, [((self%first(i) + row, row=0, rows_of(self, i) - 1), i=1, size(self%first))])
     end associate
     call self%take_border()
     call move_alloc(self, preconditioner)
@@ -111,28 +115,6 @@ contains
     end subroutine append
   end subroutine list_rows
 
-  !> Flexibility of the modes; a frozen mean does not respond. Modes at the rows of D'.
-  subroutine take_flexibility(self, balance, reference)
-    type(tangent_preconditioner_type), intent(inout) :: self
-    !> Harmonic balance: loads, contacts, receptance and its last residual
-    type(balance_type), intent(in) :: balance
-    !> Contacts without their springs
-    type(tangent_reference_type), intent(in) :: reference
-    complex(wp) :: flexibility(size(self%shapes, 1))
-    integer :: h, i, row
-
-    associate (receptance => reference%receptance)
-      allocate (self%real_part(size(self%shapes, 1), 0:receptance%harmonics), source=0.0_sp)
-      self%imaginary_part = self%real_part
-      do h = merge(1, receptance%lowest, allocated(balance%frozen_mean)), receptance%harmonics
-        flexibility = 1.0_wp/receptance%low_stiffness(h, size(flexibility))
-        self%real_part(:, h) = real(flexibility, sp)
-        self%imaginary_part(:, h) = real(aimag(flexibility), sp)
-      end do
-    end associate
-    self%shapes_left = self%shapes(:, [((self%first(i) + row, row=0, rows_of(self, i) - 1), i=1, size(self%first))])
-  end subroutine take_flexibility
-
   !> Rows of a contact of D'.
   pure integer function rows_of(self, block)
     class(tangent_preconditioner_type), intent(in) :: self
@@ -156,9 +138,9 @@ contains
     field = 0.0_sp
     field(:, self%place) = real(residual, sp)
     call set_left(self, field, left)
-    modal = respond(self, self%shapes, field)
+    modal = self%response%to_forces(self%system%balance, self%shapes, field)
     call solve_left(self, matmul(transpose(modal), self%shapes_left), left)
-    modal = modal + respond(self, self%shapes_left, left)
+    modal = modal + self%response%to_forces(self%system%balance, self%shapes_left, left)
     call add_left(self, left, field)
     field(:, :self%opened) = field(:, :self%opened) &
                              + spread(self%springs, 1, self%coefficients)*matmul(transpose(modal), self%shapes(:, :self%opened))
@@ -245,31 +227,4 @@ contains
       end associate
     end do
   end subroutine solve_left
-
-  !> Modal response of R' to forces on some rows, of all ranks [n, k].
-  function respond(self, shapes, forces) result(modal)
-    type(tangent_preconditioner_type), intent(in) :: self
-    !> Modes at the rows [n, rows]; forces on these [k, rows]
-    real(sp), intent(in) :: shapes(:, :), forces(:, :)
-    real(sp), allocatable :: modal(:, :)
-    real(wp), allocatable :: together(:, :)
-    real(sp) :: cosine(size(shapes, 1))
-    integer :: h
-
-    modal = matmul(shapes, transpose(forces))
-    if (self%system%balance%ranks%ranks > 1) then
-      together = real(modal, wp)
-      call self%system%balance%ranks%sum(together)
-      modal = real(together, sp)
-    end if
-    modal(:, 1) = self%real_part(:, 0)*modal(:, 1)
-    do h = 1, ubound(self%real_part, 2)
-      associate (c => modal(:, 2*h), s => modal(:, 2*h + 1), re => self%real_part(:, h), im => self%imaginary_part(:, h))
-        ! (c - i s)(re + i im)
-        cosine = re*c + im*s
-        s = re*s - im*c
-        c = cosine
-      end associate
-    end do
-  end function respond
 end module attrito_newton_tangent_preconditioner

@@ -75,11 +75,7 @@ contains
       serves = allocated(self%receptance) .and. flops_of_step(balance, counts(1), counts(2)) < two_level
     end if
     if (.not. serves) return
-    associate (opened => self%receptance, receptance => balance%receptance)
-      if (opened%harmonics /= receptance%harmonics) call opened%set_harmonics(receptance%harmonics)
-      if (abs(opened%excitation - receptance%excitation) > 0.0_wp) call opened%excite(receptance%excitation)
-      call opened%set_frequency(receptance%omega, status)
-    end associate
+    call self%receptance%set_like(balance%receptance, status)
     serves = status == 0
   end subroutine prepare
 

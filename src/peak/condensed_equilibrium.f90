@@ -8,7 +8,7 @@
 !> $$ (I + G R) y = G r, \qquad \delta d = r - R y, \qquad G = d\lambda/dd - S, \qquad r = d_0 + \alpha d_1 - R g - d, $$
 !>
 !> y on the rows of G that are not zero: two of a contact that slips, three of one that has opened or closed since. A step along the
-!> path is an increment from the one before (`attrito_contact_straight_increment`), as the balance's are. Where the load goes on as
+!> path is an increment from the one before (`attrito_contact_straight_increment`), as the balance's are. If the load goes on as
 !> before it also begins on the line through the last two equilibria. Every rank holds all contacts and does the same.
 module attrito_peak_condensed_equilibrium
   use attrito_core_kinds, only: wp

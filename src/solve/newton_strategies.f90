@@ -87,7 +87,7 @@ contains
       if (report%converged) return
       unknowns = start
       if (allocated(newton%context%balance%increment)) then
-        ! Where a stiff contact opens or begins to slip the residual hardly falls before the step that follows.
+        ! If a stiff contact opens or begins to slip, the residual hardly falls before the step that follows.
         call newton%solve(unknowns, constraint, in_whole_steps(controls), report)
         call count_on(report, iterations, linear_iterations)
         if (report%converged) return

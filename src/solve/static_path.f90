@@ -87,7 +87,7 @@ contains
       iterations = 0
       call follow_loads(solver, from, to, omega, steps, iterations, converged)
       if (converged .and. rounding > most_rounding) then
-        ! Where contacts hold the structure it has not gone as far as it would alone.
+        ! If contacts hold the structure, it has not gone as far as it would alone.
         rounding = rounding*solver%context%balance%norm(solver%motion)/solver%context%motion_scale
         converged = rounding <= most_rounding
       end if
