@@ -10,13 +10,15 @@ module random_steps
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_newton_border, only: constraint_type
   use attrito_newton_condensed_krylov, only: krylov_options_type
-  use attrito_newton_linearised_step, only: linear_options_type
+  use attrito_newton_linearised_step, only: linear_options_type, solve_linearised
+  use attrito_newton_preconditioners, only: preconditioners_type
   use scenes, only: scene_type, noise
   use session, only: only_me
+  use testing, only: check, check_close
   implicit none
   private
   public :: harmonics, k, rows, contacts, n, omega
-  public :: evaluate_at_random, random_constraint, random_right, packed, by_gmres
+  public :: evaluate_at_random, random_constraint, random_right, packed, by_gmres, check_by_elimination
 
   !> Of the frame; k coefficients of each row, n motions and sliders
   integer, parameter :: harmonics = 2, k = 2*harmonics + 1, rows = 10, contacts = 4, n = k*rows + 2*contacts
@@ -78,4 +80,23 @@ contains
 
     by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=tolerance, coarse_motions=motions))
   end function by_gmres
+
+  !> GMRES to a tight tolerance against elimination.
+  subroutine check_by_elimination(error, balance, kept)
+    type(error_type), allocatable, intent(inout) :: error
+    type(balance_type), intent(inout) :: balance
+    !> Of GMRES
+    type(preconditioners_type), intent(inout) :: kept
+    type(unknowns_type) :: right, eliminated, step
+    integer :: iterations, status
+
+    right = random_right(balance)
+    eliminated = right
+    step = right
+    call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
+    call check(error, iterations == 0, 'elimination does not iterate')
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp, 2), step, iterations, status, kept)
+    call check(error, status == 0, 'it is singular')
+    call check_close(error, packed(step), packed(eliminated), 1.0e-10_wp*maxval(abs(packed(eliminated))), 'step')
+  end subroutine check_by_elimination
 end module random_steps

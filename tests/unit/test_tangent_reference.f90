@@ -7,12 +7,13 @@ program test_tangent_reference
   use attrito_model_contacts, only: stuck_stiffness
   use attrito_model_structure, only: damping_viscous, damping_mass, damping_ratio
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_newton_linearised_step, only: linear_options_type, solve_linearised
+  use attrito_newton_linearised_step, only: solve_linearised
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_linear_receptance, only: receptance_type
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_balance_unknowns, only: unknowns_type
-  use random_steps, only: harmonics, k, rows, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres
+  use random_steps, only: harmonics, k, rows, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres, &
+                          check_by_elimination
   use scenes, only: scene_type, rubbing_frame, damp
   use session, only: run_in_session
   use testing, only: test, check, check_close
@@ -131,28 +132,20 @@ contains
     call balance%destroy()
   end subroutine one_iteration
 
-  !> GMRES to a tight tolerance against elimination.
   subroutine as_by_elimination(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
     type(preconditioners_type) :: kept
-    type(unknowns_type) :: right, eliminated, step
     real(wp) :: motion(k, rows)
-    integer :: i, iterations, status
+    integer :: i, status
 
     do i = 1, 4
       kept = preconditioners_type()
       call prepare(merge(damping_viscous, damping_ratio, i <= 2), 0.05_wp, balance, motion)
       if (modulo(i, 2) == 0) balance%frozen_mean = balance%response(:, lbound(balance%response, 2))
       call balance%evaluate(motion, omega, status)
-      right = random_right(balance)
-      eliminated = right
-      step = right
-      call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
-      call check(error, iterations == 0, 'elimination does not iterate')
-      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp, 2), step, iterations, status, kept)
-      call check(error, status == 0 .and. allocated(kept%reference%receptance), 'it has no reference')
-      call check_close(error, packed(step), packed(eliminated), 1.0e-10_wp*maxval(abs(packed(eliminated))), 'step')
+      call check_by_elimination(error, balance, kept)
+      call check(error, allocated(kept%reference%receptance), 'it has no reference')
       call balance%destroy()
     end do
   end subroutine as_by_elimination
@@ -162,25 +155,19 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
     type(preconditioners_type) :: kept
-    type(unknowns_type) :: right, eliminated, step
     real(wp) :: motion(k, rows)
-    integer :: i, iterations, status
+    integer :: i, status
 
     call prepare(damping_mass, 0.1_wp, balance, motion)
-    right = random_right(balance)
-    eliminated = right
-    step = right
     do i = 1, 3
       if (i == 2) balance%law(2)%gap = 0.0_wp
       if (i == 3) balance%law(2)%preload = far
       call balance%evaluate(motion, omega, status)
-      call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
-      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp, 2), step, iterations, status, kept)
+      call check_by_elimination(error, balance, kept)
       call check(error, all(kept%reference%opened .eqv. [.false., .true., .false., .true.]), &
                  'another reference was taken: the test is void')
       call check(error, i == 1 .or. balance%forces(2)%open < 1.0_wp, 'it does not touch: the test is void')
       call check(error, i < 3 .or. .not. allocated(balance%forces(2)%jacobian), 'it does not stick: the test is void')
-      call check_close(error, packed(step), packed(eliminated), 1.0e-10_wp*maxval(abs(packed(eliminated))), 'step')
     end do
     call balance%destroy()
   end subroutine touching
