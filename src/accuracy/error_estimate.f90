@@ -148,7 +148,7 @@ contains
     if (status == 0) call step_again(self%longer, solver, first, threshold, 0, second)
     if (second%unsettled == 0) return
     associate (balance => solver%context%balance, mean => solver%context%preconditioner%mean)
-      call mean%take(balance, is_new)
+      call mean%take(balance, 0.0_wp, is_new)
       if (is_new) balance%work = balance%work + mean%flops/balance%ranks%ranks
     end associate
     if (is_new) call self%longer%correct(solver, first, status)

@@ -20,7 +20,6 @@ module attrito_balance_harmonic_balance
   use attrito_linear_rigid_body_modes, only: rigid_body_modes_type
   use attrito_linear_projected_rows, only: projected_rows_type
   use attrito_linear_receptance, only: receptance_type
-  use attrito_linear_coupling_motions, only: coupling_motions_type
   use attrito_linear_split_receptance, only: split_receptance_type
   use attrito_balance_work, only: contact_work, residual_work
   implicit none
@@ -55,7 +54,6 @@ module attrito_balance_harmonic_balance
     class(receptance_type), allocatable :: receptance
     !> What iterative solves take in its place, and keep
     type(split_receptance_type) :: split
-    type(coupling_motions_type) :: coupling
     !> Laws of this rank's contacts; the first of them and its first row among all
     type(contact_type), allocatable :: law(:)
     integer :: first_contact = 1, first_row = 1

@@ -11,28 +11,38 @@ module attrito_newton_active_jacobian
   private
   public :: contact_jacobian_type, jacobian_of, unknowns_of, places_of_rows, change_with_omega
 
-  !> D of one contact: its rows that are not zero, and these [rows, all columns]
+  !> D of one contact: its rows that are not zero, and these [rows, all columns]; in place of them, if so asked, the diagonal of one
+  !> that is open all over the period, which is all it has [rows]
   type :: contact_jacobian_type
     integer, allocatable :: rows(:)
-    real(wp), allocatable :: values(:, :)
+    real(wp), allocatable :: values(:, :), diagonal(:)
   end type contact_jacobian_type
 
 contains
 
   !> Of an active contact, by its place among these.
-  pure function jacobian_of(balance, contact, stiffening) result(self)
+  pure function jacobian_of(balance, contact, stiffening, is_short) result(self)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Place of the contact among the active ones
     integer, intent(in) :: contact
     !> s
     real(wp), intent(in) :: stiffening
+    !> Is the diagonal to stand for an open contact?
+    logical, intent(in), optional :: is_short
     type(contact_jacobian_type) :: self
+    logical :: is_diagonal
     integer :: i
 
     associate (forces => balance%forces(balance%active%contacts(contact)))
       self%rows = pack([(i, i=1, size(forces%active))], forces%active)
-      self%values = (1.0_wp - stiffening)*forces%jacobian(self%rows, :)
+      is_diagonal = .false.
+      if (present(is_short)) is_diagonal = is_short .and. forces%open >= 1.0_wp
+      if (is_diagonal) then
+        self%diagonal = (1.0_wp - stiffening)*[(forces%jacobian(self%rows(i), self%rows(i)), i=1, size(self%rows))]
+      else
+        self%values = (1.0_wp - stiffening)*forces%jacobian(self%rows, :)
+      end if
     end associate
   end function jacobian_of
 

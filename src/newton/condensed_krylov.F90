@@ -1,7 +1,7 @@
 #include <petsc/finclude/petscksp.h>
 #include "petsc_compatibility.h"
 !> The condensed linear system of a Newton step solved by flexible GMRES, the system applied as a product and preconditioned by the
-!> tangent reference, by contacts in the mean or on two levels.
+!> contacts in the mean and their blocks.
 !>
 !> Spread over ranks as the contacts are; unknowns are y where D is not zero, as it is zero elsewhere, and, the root's last, omega.
 !> Source: Saad & Schultz 1986, doi:10.1137/0907058; Saad 1993, doi:10.1137/0914028; Balay et al., PETSc users manual, chapter KSP.
@@ -9,28 +9,20 @@ module attrito_newton_condensed_krylov
   use petscksp
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: border_type
-  use attrito_newton_kept_factors, only: kept_factors_type
   use attrito_newton_condensed_operator, only: condensed_operator_type, new_condensed_operator
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_newton_mean_preconditioner, only: new_mean_preconditioner
-  use attrito_newton_preconditioner, only: preconditioner_type
+  use attrito_newton_preconditioner, only: preconditioner_type, new_preconditioner
   use attrito_newton_preconditioners, only: preconditioners_type
-  use attrito_newton_tangent_preconditioner, only: new_tangent_preconditioner
-  use attrito_newton_two_level, only: new_two_level
   implicit none
   private
   public :: krylov_options_type, solve_by_krylov
 
-  !> Iterations of GMRES on two levels from which on contacts in the mean precondition the steps: these take 30 to 90 where two levels
-  !> take 300 and more
-  real(wp), parameter :: too_many = 120.0_wp ! measured
-
   type :: krylov_options_type
     !> Residual of the linear system, relative to its right-hand side; and what a product may leave out of a mode
     real(wp) :: tolerance = 1.0e-4_wp
-    !> Motions in the coarse system
-    integer :: coarse_motions = 32
     integer :: max_iterations = 300
+    !> Unknowns of a block of the preconditioner, beyond which it has one contact alone
+    integer :: largest_block = 800
   end type krylov_options_type
 
   !> A column of the bordered system: D delta d and the step of omega, or what the balance and the constraint ask for
@@ -43,21 +35,11 @@ module attrito_newton_condensed_krylov
   !> The system with its right-hand side and how it is to be solved; what PETSc's callbacks see
   type :: system_type
     type(condensed_operator_type) :: system
-    class(preconditioner_type), allocatable :: preconditioner
+    type(preconditioner_type) :: preconditioner
     !> The balance's part, and sigma - p^T rho
     type(column_type) :: right
     type(krylov_options_type) :: options
   end type system_type
-
-  !> What the solves of a system have come to
-  type :: outcome_type
-    type(column_type) :: step
-    !> Of GMRES, in all
-    integer :: iterations = 0
-    logical :: converged = .false.
-    !> 0, or not: singular, or PETSc has failed
-    integer :: status = 0
-  end type outcome_type
 
 #if PETSC_VERSION_LT(3, 23, 0)
   interface
@@ -106,7 +88,8 @@ module attrito_newton_condensed_krylov
 
 contains
 
-  !> Solve for y and omega; the balance holds the Jacobian of its last evaluation.
+  !> Solve for y and omega; the balance holds the Jacobian of its last evaluation. A step short of its tolerance, with factors just
+  !> made, is still the best one known: Newton's line search judges it.
   subroutine solve_by_krylov(balance, border, stiffening, rho, last, options, kept, y, omega, iterations, status)
     !> Harmonic balance, whose last evaluation this changes
     type(balance_type), target, intent(inout) :: balance
@@ -118,7 +101,7 @@ contains
     real(wp), intent(in) :: rho(:, :), last
     !> How to solve
     type(krylov_options_type), intent(in) :: options
-    !> What preconditioners are made of; made anew where it does not serve any more
+    !> What the preconditioner is made of; made anew where it does not serve any more
     type(preconditioners_type), target, intent(inout) :: kept
     !> D delta d [2 H + 1, active rows] and step of omega
     real(wp), intent(out) :: y(:, :), omega
@@ -127,134 +110,30 @@ contains
     !> 0, or not: singular
     integer, intent(out) :: status
     type(system_type), target :: context
-    type(outcome_type) :: outcome
-    logical :: serves
+    type(column_type) :: step
+    logical :: converged, is_latest
+    integer :: count
+    PetscErrorCode :: ierr
 
     context%system = new_condensed_operator(balance, border, stiffening, options%tolerance)
     context%right = column_type(context%system%multiply_jacobian(rho), last)
     context%options = options
-    allocate (outcome%step%rows, mold=context%right%rows)
-    outcome%step%rows = 0.0_wp
-    call kept%reference%prepare(balance, stiffening, nint(min(kept%two_level_iterations, too_many)), serves)
-    if (serves) call solve_by_tangent(context, kept, outcome)
-    if (serves .and. .not. is_final(outcome)) call kept%reference%forget()
-    serves = .false.
-    if (kept%two_level_iterations > too_many .and. .not. is_final(outcome)) then
-      call solve_by_mean(context, stiffening, kept, outcome, serves)
-    end if
-    if (.not. (serves .or. is_final(outcome))) call solve_on_two_levels(context, stiffening, kept, outcome)
-    y = outcome%step%rows
-    omega = outcome%step%last
-    iterations = outcome%iterations
-    status = outcome%status
+    allocate (step%rows, mold=context%right%rows)
+    iterations = 0
+    do
+      call kept%prepare(balance, stiffening, options%largest_block, is_latest, status)
+      if (status /= 0) exit
+      context%preconditioner = new_preconditioner(context%system, kept%mean, kept%blocks)
+      call run(context, min(options%max_iterations, kept%blocks%patience()), step, count, converged, ierr)
+      status = merge(0, 1, ierr == 0)
+      iterations = iterations + count
+      call kept%count(count)
+      if (.not. converged) call kept%discard()
+      if (converged .or. is_latest .or. status /= 0) exit
+    end do
+    y = step%rows
+    omega = step%last
   end subroutine solve_by_krylov
-
-  !> Did it converge, or fail for good? A step short of its tolerance, with factors just made, is still the best one known: Newton's
-  !> line search judges it.
-  pure logical function is_final(outcome)
-    !> Of a solve
-    type(outcome_type), intent(in) :: outcome
-
-    is_final = outcome%converged .or. outcome%status /= 0
-  end function is_final
-
-  !> Preconditioned by the tangent reference, which has been made ready.
-  subroutine solve_by_tangent(context, kept, outcome)
-    !> What PETSc's callbacks see
-    type(system_type), target, intent(inout) :: context
-    !> What preconditioners are made of
-    type(preconditioners_type), target, intent(inout) :: kept
-    !> Step, iterations and how it ended
-    type(outcome_type), intent(inout) :: outcome
-    logical :: anew
-    integer :: status
-
-    do
-      anew = .not. kept%left_over%serve(context%system%balance)
-      if (anew) then
-        call kept%left_over%make(context%system%balance, kept%reference, status)
-        associate (balance => context%system%balance)
-          balance%work = balance%work + kept%left_over%flops/balance%ranks%ranks
-        end associate
-        ! Two levels may do, or say that it is singular.
-        if (status /= 0) return
-      end if
-      call new_tangent_preconditioner(context%system, kept%reference, kept%left_over, context%preconditioner)
-      call run_with(kept%left_over, context, outcome)
-      if (anew .or. is_final(outcome)) return
-    end do
-  end subroutine solve_by_tangent
-
-  !> Preconditioned by contacts in the mean, if they are known to have lost springs.
-  subroutine solve_by_mean(context, stiffening, kept, outcome, serves)
-    !> What PETSc's callbacks see
-    type(system_type), target, intent(inout) :: context
-    !> Part of their springs that contacts keep
-    real(wp), intent(in) :: stiffening
-    !> What preconditioners are made of
-    type(preconditioners_type), target, intent(inout) :: kept
-    !> Step, iterations and how it ended
-    type(outcome_type), intent(inout) :: outcome
-    !> Do they serve?
-    logical, intent(out) :: serves
-    logical :: is_latest
-
-    do
-      call kept%mean%serve(context%system%balance, stiffening, serves, is_latest)
-      if (.not. serves) return
-      associate (balance => context%system%balance)
-        balance%work = balance%work + kept%mean%flops/balance%ranks%ranks
-      end associate
-      call new_mean_preconditioner(context%system, kept%mean, context%preconditioner)
-      call run_with(kept%mean, context, outcome)
-      if (is_latest .or. is_final(outcome)) return
-    end do
-  end subroutine solve_by_mean
-
-  !> Preconditioned on two levels.
-  subroutine solve_on_two_levels(context, stiffening, kept, outcome)
-    !> What PETSc's callbacks see
-    type(system_type), target, intent(inout) :: context
-    !> Part of their springs that contacts keep
-    real(wp), intent(in) :: stiffening
-    !> What preconditioners are made of
-    type(preconditioners_type), target, intent(inout) :: kept
-    !> Step, iterations and how it ended
-    type(outcome_type), intent(inout) :: outcome
-    integer :: count
-    logical :: anew
-
-    do
-      anew = .not. kept%two_level%serve(context%system%balance, stiffening)
-      if (anew) call kept%two_level%make(context%system%balance, context%options%coarse_motions, stiffening, outcome%status)
-      if (outcome%status /= 0) return
-      call new_two_level(context%system, kept%two_level, context%preconditioner)
-      call run_with(kept%two_level, context, outcome, count)
-      if (anew) kept%two_level_iterations = count
-      if (anew .or. is_final(outcome)) return
-    end do
-  end subroutine solve_on_two_levels
-
-  !> Solve with a preconditioner made of factors, for as long as they are worth it; those that do not serve are not used again.
-  subroutine run_with(factors, context, outcome, iterations)
-    !> Factors that the preconditioner is made of
-    class(kept_factors_type), intent(inout) :: factors
-    !> What PETSc's callbacks see
-    type(system_type), target, intent(inout) :: context
-    !> Step, iterations, which are added to, and how it ended
-    type(outcome_type), intent(inout) :: outcome
-    !> Of this solve
-    integer, optional, intent(out) :: iterations
-    integer :: count
-    PetscErrorCode :: ierr
-
-    call run(context, min(context%options%max_iterations, factors%patience()), outcome%step, count, outcome%converged, ierr)
-    outcome%status = merge(0, 1, ierr == 0)
-    outcome%iterations = outcome%iterations + count
-    if (present(iterations)) iterations = count
-    call factors%count(count)
-    if (.not. outcome%converged) call factors%discard()
-  end subroutine run_with
 
   !> Create the solver, solve and give everything back.
   subroutine run(context, most, step, iterations, converged, ierr)

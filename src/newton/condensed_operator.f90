@@ -91,7 +91,7 @@ contains
     associate (active => self%balance%active)
       allocate (self%blocks(size(active%contacts)))
       do i = 1, size(active%contacts)
-        self%blocks(i) = jacobian_of(self%balance, i, stiffening)
+        self%blocks(i) = jacobian_of(self%balance, i, stiffening, is_short=.true.)
       end do
       self%unknowns = [(k*(active%first(i) - 1) + self%blocks(i)%rows, i=1, size(active%contacts))]
     end associate
@@ -148,8 +148,12 @@ contains
       start = size(motion, 1)*(self%balance%active%first(i) - 1)
       associate (block => self%blocks(i))
         associate (n => size(block%rows))
-          call times_vector(block%values, flat_motion(start + 1:start + size(block%values, 2)), own(:n))
-          flat_product(start + block%rows) = own(:n)
+          if (allocated(block%diagonal)) then
+            flat_product(start + block%rows) = block%diagonal*flat_motion(start + block%rows)
+          else
+            call times_vector(block%values, flat_motion(start + 1:start + size(block%values, 2)), own(:n))
+            flat_product(start + block%rows) = own(:n)
+          end if
         end associate
       end associate
     end do

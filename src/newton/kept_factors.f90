@@ -3,6 +3,7 @@
 !> changed.
 module attrito_newton_kept_factors
   use attrito_core_kinds, only: wp
+  use attrito_core_state_store, only: state_store_type
   implicit none
   private
   public :: flops_of_iteration, kept_factors_type
@@ -22,6 +23,9 @@ module attrito_newton_kept_factors
     procedure :: patience
     procedure :: count
     procedure :: discard
+    procedure :: keep_counts
+    procedure :: set_worth
+    procedure :: expect
   end type kept_factors_type
 
 contains
@@ -71,4 +75,33 @@ contains
 
     self%excess = self%worth
   end subroutine discard
+
+  !> Making them anew is worth another number of iterations.
+  pure subroutine set_worth(self, worth)
+    class(kept_factors_type), intent(inout) :: self
+    !> Iterations in excess after which to make them anew
+    integer, intent(in) :: worth
+
+    self%worth = worth
+  end subroutine set_worth
+
+  !> Iterations that count as those at first, if there have been none.
+  pure subroutine expect(self, iterations)
+    class(kept_factors_type), intent(inout) :: self
+    !> Of GMRES
+    integer, intent(in) :: iterations
+
+    if (self%usual < 0) self%usual = iterations
+  end subroutine expect
+
+  !> Save or load what decides how long they are kept.
+  subroutine keep_counts(self, store)
+    class(kept_factors_type), intent(inout) :: self
+    !> Numbers that a point leaves for the next, written or read in turn
+    type(state_store_type), intent(inout) :: store
+
+    call store%keep(self%worth)
+    call store%keep(self%usual)
+    call store%keep(self%excess)
+  end subroutine keep_counts
 end module attrito_newton_kept_factors

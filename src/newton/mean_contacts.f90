@@ -8,8 +8,11 @@
 !>
 !> $$ (I + R_h D_0) \, d_h = -R_h (g_h - D_0 d_h) \quad \Leftrightarrow \quad d_h = -R'_h (g_h - D_0 d_h), $$
 !>
-!> and preconditions Newton's steps (`mean_preconditioner`): with R, answers hardly converge where a natural frequency of that
+!> and preconditions Newton's steps (`preconditioner`): with R, answers hardly converge where a natural frequency of that
 !> structure lies near h omega, the less the more contacts are open, and GMRES takes the more iterations.
+!>
+!> The modes cost as much as many steps. Until they are found no contact has lost anything; they are found, and found anew, when
+!> iterations of GMRES in excess have cost as much, if contacts have changed.
 module attrito_newton_mean_contacts
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
@@ -23,8 +26,8 @@ module attrito_newton_mean_contacts
 
   !> Part of its spring that a row keeps at least, which holds bodies that are free without
   real(wp), parameter :: least_kept = 1.0e-8_wp ! guess
-  !> Part of their springs kept in the step that leaves contacts as good as they are
-  real(wp), parameter :: hardly_kept = 1.0e-6_wp ! derived
+  !> Iterations of GMRES that steps are expected to take with all contacts stuck: more of them are held against what modes cost
+  integer, parameter :: expected = 15 ! guess
   !> Parts of springs lost that count as none, and by which they change until modes are found again, relative to what is lost
   real(wp), parameter :: negligible = 0.01_wp, changed = 0.1_wp ! guess
 
@@ -33,9 +36,8 @@ module attrito_newton_mean_contacts
     class(receptance_type), allocatable :: receptance
     !> Numbers of the rows of B, of all ranks, that have lost something of their springs, ascending, and theta k
     real(wp), allocatable, private :: rows(:), lost(:)
-    !> Of the modes last found; iterations of GMRES that cost as much
+    !> Of the modes last found
     real(wp) :: flops = 0.0_wp
-    integer, private :: modes_worth = 1
     !> Has what is lost been loaded, and R' yet to be found?
     logical, private :: is_loaded = .false.
   contains
@@ -61,19 +63,22 @@ contains
   end subroutine prepare
 
   !> Take the contacts as they are at the balance's last evaluation, unless they hardly differ from those at hand.
-  subroutine take(self, balance, is_new)
+  subroutine take(self, balance, stiffening, is_new)
     class(mean_contacts_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
     !> Is there another R'?
     logical, intent(out) :: is_new
-    real(wp) :: springs(balance%rows()), lost(balance%rows()), sums(3)
+    real(wp) :: springs(balance%rows()), lost(balance%rows()), sums(2)
     real(wp), allocatable :: together(:, :)
     integer, allocatable :: mine(:), all(:)
     integer :: i
 
     call find_lost(balance, springs, lost)
-    sums = [sum(((lost - self%lost_of(balance))/springs)**2), sum((lost/springs)**2), real(balance%active%count, wp)]
+    lost = (1.0_wp - stiffening)*lost
+    sums = [sum(((lost - self%lost_of(balance))/springs)**2), sum((lost/springs)**2)]
     call balance%ranks%sum(sums)
     is_new = sums(1) > changed**2*sums(2)
     self%flops = 0.0_wp
@@ -87,43 +92,50 @@ contains
     if (allocated(self%receptance)) deallocate (self%receptance)
     if (size(all) > 0) call balance%receptance%without_springs(all, self%lost, self%receptance)
     is_new = allocated(self%receptance)
-    associate (n => real(size(balance%response, 1), wp))
-      self%flops = merge(flops_of_modes*n**3, 0.0_wp, is_new)
-      self%modes_worth = max(1, nint(flops_of_modes*n**2/(flops_of_iteration*max(sums(3), 1.0_wp)*balance%coefficients())))
-      call self%begin(0, self%modes_worth)
-    end associate
+    if (is_new) self%flops = flops_of_modes*real(size(balance%response, 1), wp)**3
+    call self%begin(0, worth_of_modes(balance))
   end subroutine take
 
-  !> Make ready for a step at the balance's last evaluation: with other modes if these have cost more than that in iterations, and if
-  !> contacts differ from those at hand. Do they serve it?
-  subroutine serve(self, balance, stiffening, serves, is_latest)
+  !> Make ready for a step at the balance's last evaluation: with other modes if iterations in excess have cost as much as these, and
+  !> if contacts differ from those at hand.
+  subroutine serve(self, balance, stiffening, is_new, is_latest)
     class(mean_contacts_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Part of their springs that contacts keep
     real(wp), intent(in) :: stiffening
-    !> Is there an R', set to the balance's frequency?
-    logical, intent(out) :: serves
+    !> Is there another R'?
+    logical, intent(out) :: is_new
     !> Is it of this evaluation, or nearly so?
     logical, intent(out) :: is_latest
-    logical :: is_new
     integer :: status
 
-    is_latest = .false.
-    serves = stiffening <= hardly_kept .and. .not. (balance%receptance%held > 0.0_wp .or. balance%receptance%is_lifted())
-    if (.not. serves) return
+    is_new = .false.
     call self%prepare(balance)
-    is_latest = .not. (allocated(self%receptance) .and. self%pays(0))
+    call self%set_worth(worth_of_modes(balance))
+    if (.not. allocated(self%receptance)) call self%expect(expected)
+    is_latest = .not. self%pays(0)
     self%flops = 0.0_wp
     if (is_latest) then
-      call self%take(balance, is_new)
-      if (.not. is_new) call self%begin(0, self%modes_worth)
+      call self%take(balance, stiffening, is_new)
+      if (.not. is_new) call self%begin(0, worth_of_modes(balance))
     end if
-    serves = allocated(self%receptance)
-    if (.not. serves) return
+    if (.not. allocated(self%receptance)) return
     call self%receptance%set_like(balance%receptance, status)
-    serves = status == 0
+    if (status /= 0) deallocate (self%receptance)
   end subroutine serve
+
+  !> Iterations of GMRES that cost as much as modes, at least one.
+  integer function worth_of_modes(balance) result(worth)
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(in) :: balance
+    real(wp) :: rows
+
+    rows = balance%active%count
+    call balance%ranks%sum(rows)
+    worth = max(1, nint(flops_of_modes*real(size(balance%response, 1), wp)**2 &
+                        /(flops_of_iteration*max(rows, 1.0_wp)*balance%coefficients())))
+  end function worth_of_modes
 
   !> Springs of this rank's rows, and what they lose in the mean.
   pure subroutine find_lost(balance, springs, lost)
@@ -159,7 +171,7 @@ contains
     integer :: i
 
     lost = 0.0_wp
-    if (.not. allocated(self%rows)) return
+    if (.not. allocated(self%receptance)) return
     do i = 1, size(self%rows)
       associate (own => nint(self%rows(i)) - balance%first_row + 1)
         if (own >= 1 .and. own <= size(lost)) lost(own) = self%lost(i)
@@ -187,8 +199,7 @@ contains
 
     if (store%reading .and. allocated(self%receptance)) deallocate (self%receptance)
     self%is_loaded = self%is_loaded .or. store%reading
-    call store%keep(self%modes_worth)
-    call self%begin(0, self%modes_worth)
+    call self%keep_counts(store)
     if (.not. allocated(self%rows)) self%rows = [real(wp) ::]
     if (.not. allocated(self%lost)) self%lost = [real(wp) ::]
     call store%keep(self%rows)

@@ -1,48 +1,72 @@
-!> Preconditioner of the condensed system, border included: an approximate inverse P of I + D R makes one of the bordered system,
+!> Preconditioner of the condensed system by its contacts as they are in the mean over the period, and how each differs from that:
+!>
+!> $$ I + D R = (I + D' R') (I + D_0 R), \qquad (I + D R)^{-1} \approx P = (I - D_0 R') (I + D' L')^{-1} $$
+!>
+!> D_0 is diagonal and the same at all harmonics, R' the receptance without what springs lose in the mean (`mean_contacts`), L' what
+!> the contacts of a block feel of each other (`contact_blocks`). What is left out is how the change of one contact over the period
+!> meets that of another block's. With the border,
 !>
 !> $$ \delta\omega = (\sigma + r^T P \rho)/(c + r^T P b), \qquad y = P \rho - P b \, \delta\omega $$
+!>
+!> P is applied in single precision, so that it is not quite the same linear operator at every vector: flexible GMRES does not ask for
+!> that.
 module attrito_newton_preconditioner
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: sp, wp
+  use attrito_newton_active_jacobian, only: places_of_rows
   use attrito_newton_condensed_operator, only: condensed_operator_type
+  use attrito_newton_contact_blocks, only: contact_blocks_type
+  use attrito_newton_mean_contacts, only: mean_contacts_type
+  use attrito_newton_modal_response, only: modal_response_type, new_modal_response
   implicit none
   private
-  public :: preconditioner_type
+  public :: preconditioner_type, new_preconditioner
 
-  type, abstract :: preconditioner_type
-    type(condensed_operator_type), pointer :: system => null()
+  type :: preconditioner_type
+    type(condensed_operator_type), pointer, private :: system => null()
+    type(contact_blocks_type), pointer, private :: blocks => null()
+    !> theta k of the active rows [rows], modes of R' there [n, rows], and how they respond; not allocated where nothing is lost
+    real(sp), allocatable, private :: lost(:), shapes(:, :)
+    !> Places among these of contacts with a block, and modes there
+    integer, allocatable, private :: left(:)
+    real(sp), allocatable, private :: shapes_left(:, :)
+    type(modal_response_type), private :: response
     !> Preconditioned column of omega [k, rows], and what is left of the corner
     real(wp), allocatable, private :: column(:, :)
     real(wp), private :: corner = 1.0_wp
   contains
-    procedure :: take_border
     procedure :: apply
-    procedure(apply_inverse), deferred :: apply_inverse
   end type preconditioner_type
-
-  abstract interface
-    !> Approximate inverse of I + D R times a residual.
-    subroutine apply_inverse(self, residual, y)
-      import :: preconditioner_type, wp
-      class(preconditioner_type), intent(in) :: self
-      !> Residual over contact rows
-      real(wp), intent(in), contiguous :: residual(:, :)
-      !> Vector that takes the product
-      real(wp), intent(out), contiguous :: y(:, :)
-    end subroutine apply_inverse
-  end interface
 
 contains
 
-  !> Ready for the border of its system: once the inverse can be applied.
-  subroutine take_border(self)
-    class(preconditioner_type), intent(inout) :: self
+  !> For a system, with R' set to its frequency.
+  function new_preconditioner(system, mean, blocks) result(self)
+    !> Linearised system on the active contacts
+    type(condensed_operator_type), target, intent(in) :: system
+    !> Contacts in the mean
+    type(mean_contacts_type), intent(in) :: mean
+    !> How contacts differ from that
+    type(contact_blocks_type), target, intent(in) :: blocks
+    type(preconditioner_type) :: self
+    real(wp), allocatable :: lost(:)
 
-    if (allocated(self%column)) deallocate (self%column)
-    allocate (self%column, mold=self%system%column)
-    call self%apply_inverse(self%system%column, self%column)
-    self%corner = self%system%corner + self%system%product_with_row(self%column)
+    self%system => system
+    self%blocks => blocks
+    self%left = blocks%rows_among(system%balance)
+    if (allocated(mean%receptance)) then
+      associate (balance => system%balance, receptance => mean%receptance)
+        lost = mean%lost_of(balance)
+        self%lost = real(lost(places_of_rows(balance) - balance%first_row + 1), sp)
+        self%shapes = real(receptance%mode_shapes(1, receptance%common_modes(), places_of_rows(balance)), sp)
+        self%shapes_left = self%shapes(:, self%left)
+        self%response = new_modal_response(receptance, balance)
+      end associate
+    end if
+    allocate (self%column, mold=system%column)
+    call apply_inverse(self, system%column, self%column)
+    self%corner = system%corner + system%product_with_row(self%column)
     if (.not. abs(self%corner) > 0.0_wp) self%corner = 1.0_wp
-  end subroutine take_border
+  end function new_preconditioner
 
   !> Inverse of the approximate system times (residual, last).
   subroutine apply(self, residual, last, y, omega)
@@ -56,8 +80,34 @@ contains
     !> Change of the angular frequency
     real(wp), intent(out) :: omega
 
-    call self%apply_inverse(residual, y)
+    call apply_inverse(self, residual, y)
     omega = (last + self%system%product_with_row(y))/self%corner
     y = y - self%column*omega
   end subroutine apply
+
+  !> P times a residual.
+  subroutine apply_inverse(self, residual, y)
+    type(preconditioner_type), intent(in) :: self
+    !> Residual over contact rows
+    real(wp), intent(in) :: residual(:, :)
+    !> Vector that takes the product
+    real(wp), intent(out) :: y(:, :)
+    real(sp), allocatable :: field(:, :), left(:, :), motion(:, :), modal(:, :)
+
+    field = real(residual, sp)
+    left = field(:, self%left)
+    allocate (motion, source=0.0_sp*left)
+    if (allocated(self%lost)) then
+      field(:, self%left) = 0.0_sp
+      modal = self%response%to_forces(self%system%balance, self%shapes, field)
+      motion = matmul(transpose(modal), self%shapes_left)
+    end if
+    call self%blocks%apply(self%system%balance, left, motion)
+    field(:, self%left) = left
+    if (allocated(self%lost)) then
+      modal = modal + self%response%to_forces(self%system%balance, self%shapes_left, left)
+      field = field + spread(self%lost, 1, size(modal, 2))*matmul(transpose(modal), self%shapes)
+    end if
+    y = field
+  end subroutine apply_inverse
 end module attrito_newton_preconditioner

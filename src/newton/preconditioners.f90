@@ -1,43 +1,79 @@
-!> What the preconditioners of GMRES are made of, kept from one linear system to the next.
+!> What the preconditioner of GMRES is made of, kept from one linear system to the next.
 module attrito_newton_preconditioners
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
+  use attrito_balance_harmonic_balance, only: balance_type
+  use attrito_newton_contact_blocks, only: contact_blocks_type
   use attrito_newton_mean_contacts, only: mean_contacts_type
-  use attrito_newton_tangent_factors, only: tangent_factors_type
-  use attrito_newton_tangent_reference, only: tangent_reference_type
-  use attrito_newton_two_level_factors, only: two_level_factors_type
   implicit none
   private
   public :: preconditioners_type
 
-  !> Iterations of GMRES that a step preconditioned on two levels is expected to take until there is one
-  real(wp), parameter :: two_level_iterations_at_first = 60.0_wp ! measured
-
   type :: preconditioners_type
-    type(two_level_factors_type) :: two_level
-    !> Where most of what moves is open
-    type(tangent_reference_type) :: reference
-    type(tangent_factors_type) :: left_over
-    !> For contacts on which two levels take too many iterations
     type(mean_contacts_type) :: mean
-    !> Of GMRES on two levels, the last time that their factors had just been made
-    real(wp) :: two_level_iterations = two_level_iterations_at_first
+    type(contact_blocks_type) :: blocks
+    !> Are the blocks of the present evaluation?
+    logical, private :: is_fresh = .false.
   contains
+    procedure :: prepare
+    procedure :: count
+    procedure :: discard
     procedure :: keep
   end type preconditioners_type
 
 contains
 
-  !> Save or load what the next point depends on. Factors are made anew by it, whether this process solves it or another.
+  !> Make ready for a step at the balance's last evaluation, with what is at hand or made anew.
+  subroutine prepare(self, balance, stiffening, largest, is_latest, status)
+    class(preconditioners_type), intent(inout) :: self
+    !> Harmonic balance: loads, contacts, receptance and its last residual
+    type(balance_type), intent(inout) :: balance
+    !> Part of their springs that contacts keep
+    real(wp), intent(in) :: stiffening
+    !> Unknowns beyond which a block has one contact alone
+    integer, intent(in) :: largest
+    !> Is all of it of this evaluation?
+    logical, intent(out) :: is_latest
+    !> 0, or not: singular
+    integer, intent(out) :: status
+    logical :: are_new, are_latest
+
+    status = 0
+    call self%mean%serve(balance, stiffening, are_new, are_latest)
+    balance%work = balance%work + self%mean%flops/balance%ranks%ranks
+    self%is_fresh = are_new .or. .not. self%blocks%serve(balance, stiffening)
+    if (self%is_fresh) then
+      call self%blocks%make(balance, stiffening, self%mean, largest, status)
+      balance%work = balance%work + self%blocks%flops
+    end if
+    is_latest = self%is_fresh .and. are_latest
+  end subroutine prepare
+
+  !> Take note of the iterations of a solve.
+  subroutine count(self, iterations)
+    class(preconditioners_type), intent(inout) :: self
+    !> Of GMRES
+    integer, intent(in) :: iterations
+
+    call self%mean%count(iterations)
+    call self%blocks%count(iterations)
+  end subroutine count
+
+  !> They do not serve: blocks are to be made anew, and modes if these were.
+  subroutine discard(self)
+    class(preconditioners_type), intent(inout) :: self
+
+    call self%blocks%discard()
+    if (self%is_fresh) call self%mean%discard()
+  end subroutine discard
+
+  !> Save or load what the next point depends on. Blocks are made anew by it, whether this process solves it or another.
   subroutine keep(self, store)
     class(preconditioners_type), intent(inout) :: self
     !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
 
-    self%two_level = two_level_factors_type()
-    self%left_over = tangent_factors_type()
-    call self%reference%keep(store)
+    self%blocks = contact_blocks_type()
     call self%mean%keep(store)
-    call store%keep(self%two_level_iterations)
   end subroutine keep
 end module attrito_newton_preconditioners

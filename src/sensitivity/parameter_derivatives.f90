@@ -28,9 +28,6 @@ module attrito_sensitivity_parameter_derivatives
   private
   public :: differentiate_directly, differentiate_by_adjoint, differentiate_by_frequency, derivative_along
 
-  !> Modes of the coarse system of an adjoint's preconditioner, which one or two systems pay for, not a point's many. With 32 that
-  !> took half of the derivatives' time
-  integer, parameter :: adjoint_modes = 16 ! measured
 
 contains
 
@@ -214,7 +211,6 @@ contains
 
     balance => solver%context%balance
     options = solver%context%linear
-    options%krylov%coarse_motions = min(options%krylov%coarse_motions, adjoint_modes)
     allocate (adjoint, response, mold=balance%response)
     right = new_unknowns([balance%coefficients(), balance%rows()], shape(balance%slider))
     moved = right

@@ -73,12 +73,14 @@ contains
     packed = [unknowns%motion, unknowns%slider, unknowns%omega]
   end function packed
 
-  !> Always by GMRES, to a tolerance, with so many low modes in the coarse system.
-  pure type(linear_options_type) function by_gmres(tolerance, motions)
+  !> Always by GMRES, to a tolerance, contacts in one block or each in its own.
+  pure type(linear_options_type) function by_gmres(tolerance, in_one_block)
     real(wp), intent(in) :: tolerance
-    integer, intent(in) :: motions
+    logical, intent(in), optional :: in_one_block
 
-    by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=tolerance, coarse_motions=motions))
+    by_gmres = linear_options_type(dense_limit=0, krylov=krylov_options_type(tolerance=tolerance, largest_block=1))
+    if (.not. present(in_one_block)) return
+    if (in_one_block) by_gmres%krylov%largest_block = huge(1)
   end function by_gmres
 
   !> GMRES to a tight tolerance against elimination.
@@ -95,7 +97,7 @@ contains
     step = right
     call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
     call check(error, iterations == 0, 'elimination does not iterate')
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp, 2), step, iterations, status, kept)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp), step, iterations, status, kept)
     call check(error, status == 0, 'it is singular')
     call check_close(error, packed(step), packed(eliminated), 1.0e-10_wp*maxval(abs(packed(eliminated))), 'step')
   end subroutine check_by_elimination

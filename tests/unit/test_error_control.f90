@@ -94,7 +94,7 @@ contains
     call finer%correct(solver, first, status)
     call step_again(finer, solver, first, 0.0_wp, 0, second(0))
     call step_again(finer, solver, first, 0.0_wp, 30, second(1))
-    call solver%context%preconditioner%mean%take(solver%context%balance, is_new)
+    call solver%context%preconditioner%mean%take(solver%context%balance, 0.0_wp, is_new)
     call check(error, is_new, 'no contact is open or slips: the test is void')
     if (allocated(error)) return
     call step_again(finer, solver, first, 0.0_wp, 30, second(2))
@@ -105,7 +105,7 @@ contains
     do i = 0, 2
       call check(error, allocated(second(i)%monitors), 'a step is singular')
     end do
-    call solver%context%preconditioner%mean%take(solver%context%balance, is_new)
+    call solver%context%preconditioner%mean%take(solver%context%balance, 0.0_wp, is_new)
     call check(error, .not. is_new, 'the same contacts are taken twice')
     call finer%destroy()
     call solver%destroy()

@@ -10,7 +10,8 @@ program test_linearised_step
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
   use attrito_newton_preconditioners, only: preconditioners_type
-  use attrito_newton_two_level_factors, only: two_level_factors_type
+  use attrito_newton_contact_blocks, only: contact_blocks_type
+  use attrito_newton_mean_contacts, only: mean_contacts_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_state, only: state_stuck
   use random_steps, only: k, rows, contacts, n, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres
@@ -30,7 +31,7 @@ program test_linearised_step
                       test('by GMRES the step is the same, modes uncoupled or not, the mean frozen or not', by_krylov), &
                       test('by GMRES, high modes summed, the step meets the equations to the tolerance, the mean frozen or not', &
                            high_modes), &
-                      test('the preconditioner of all modes is the inverse', exact_preconditioner), &
+                      test('the preconditioner of one block is the inverse', exact_preconditioner), &
                       test('a preconditioner kept from another motion leaves the step what it is', kept_preconditioner), &
                       test('a preconditioner that costs more iterations than to make it is made anew', worn_preconditioner), &
                       test('factors kept serve another right-hand side, and count as less work', kept_factors), &
@@ -190,7 +191,7 @@ contains
       step = right
       call solve_linearised(balance, random_constraint(), right, linear_options_type(), eliminated, iterations, status)
       call check(error, iterations == 0, 'elimination does not iterate')
-      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp, 2), step, iterations, status)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-13_wp), step, iterations, status)
       call check(error, status == 0 .and. iterations > 3, 'GMRES was not needed: the test is void')
       call check_close(error, packed(step), packed(eliminated), 1.0e-10_wp*maxval(abs(packed(eliminated))), 'step')
       call balance%destroy()
@@ -214,7 +215,7 @@ contains
       right = random_right(balance)
       step = right
       back = right
-      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance, 4), step, iterations, status)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance), step, iterations, status)
       call check(error, status == 0 .and. balance%split%in_use, 'no modes are summed: the test is void')
       call apply_linearised(balance, random_constraint(), step, back)
       call check_close(error, packed(back), packed(right), 2.0_wp*krylov_tolerance*norm2(packed(step)), 'the step put back')
@@ -222,8 +223,8 @@ contains
     end do
   end subroutine high_modes
 
-  !> With all modes in the coarse system nothing is left to iterate for but the rounding of its blocks: 6e-8 times their condition,
-  !> some 1e2.
+  !> With all contacts in one block nothing is left to iterate for but the rounding of its factors: 6e-8 times their condition, some
+  !> 1e2.
   subroutine exact_preconditioner(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
@@ -234,7 +235,7 @@ contains
     call prepare(0.0_wp, balance, motion, damping_ratio)
     right = random_right(balance)
     step = right
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 8), step, iterations, status)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, in_one_block=.true.), step, iterations, status)
     call check(error, status == 0 .and. iterations == 1, 'it iterates')
     call balance%destroy()
   end subroutine exact_preconditioner
@@ -247,25 +248,28 @@ contains
     type(preconditioners_type) :: kept
     type(unknowns_type) :: right, step, back
     real(wp) :: motion(k, rows)
-    integer, allocatable :: known(:)
-    integer :: i, iterations, status
+    real(wp) :: flops
+    integer :: i, active, iterations, status
 
     do i = 1, 2
       call prepare(0.0_wp, balance, motion, damping_ratio)
       balance%slider = 0.0_wp
       if (i == 2) motion = 0.3_wp*motion
       call balance%evaluate(motion, omega, status)
-      call kept%two_level%discard()
+      call kept%blocks%discard()
       right = random_right(balance)
       step = right
       back = right
-      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance, 4), step, iterations, status, kept)
-      known = kept%two_level%contacts
+      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance), step, iterations, status, kept)
+      flops = kept%blocks%flops
+      ! They were given up at once: a few blocks are made in no time.
+      call kept%blocks%set_worth(1000)
+      active = balance%active%count
       motion = motion*merge(0.3_wp, 1.5_wp, i == 1)
       call balance%evaluate(motion, 1.02_wp*omega, status)
-      call check(error, size(known) /= size(balance%active%contacts), 'the same contacts move: the test is void')
-      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance, 4), step, iterations, status, kept)
-      call check(error, status == 0 .and. size(known) == size(kept%two_level%contacts), 'it was made anew: the test is void')
+      call check(error, active /= balance%active%count, 'the same contacts move: the test is void')
+      call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance), step, iterations, status, kept)
+      call check(error, status == 0 .and. abs(flops - kept%blocks%flops) <= 0.0_wp, 'it was made anew: the test is void')
       call apply_linearised(balance, random_constraint(), step, back)
       call check_close(error, packed(back), packed(right), 2.0_wp*krylov_tolerance*norm2(packed(step)), 'the step put back')
       call balance%destroy()
@@ -276,13 +280,14 @@ contains
   subroutine worn_preconditioner(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
-    type(two_level_factors_type) :: factors
+    type(contact_blocks_type) :: factors
+    type(mean_contacts_type) :: stuck
     real(wp) :: motion(k, rows)
     integer :: i, status
 
     call prepare(0.0_wp, balance, motion)
     call check(error, .not. factors%serve(balance, 0.0_wp), 'nothing serves')
-    call factors%make(balance, 4, 0.0_wp, status)
+    call factors%make(balance, 0.0_wp, stuck, 1, status)
     do i = 1, 20
       call factors%count(10)
     end do
@@ -291,7 +296,7 @@ contains
     call check(error, factors%serve(balance, 0.0_wp), 'it is given up too early')
     call factors%count(factors%patience())
     call check(error, .not. factors%serve(balance, 0.0_wp), 'it is not given up')
-    call factors%make(balance, 4, 0.0_wp, status)
+    call factors%make(balance, 0.0_wp, stuck, 1, status)
     call check(error, .not. factors%serve(balance, 0.1_wp), 'it serves other springs')
     balance%changes = balance%changes + 1
     call check(error, .not. factors%serve(balance, 0.0_wp), 'it serves other contacts')
@@ -302,6 +307,7 @@ contains
   subroutine any_unit(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
+    type(preconditioners_type) :: kept
     type(unknowns_type) :: right, step(3)
     real(wp) :: motion(k, rows)
     integer :: i, iterations(3), status
@@ -310,8 +316,11 @@ contains
       call prepare(0.0_wp, balance, motion, damping_ratio, 30, 4.0_wp**(10*(i - 2)))
       right = random_right(balance)
       step(i) = right
-      call solve_linearised(balance, random_constraint(), right, linear_options_type( &
-                            dense_limit=0, krylov=krylov_options_type(coarse_motions=4)), step(i), iterations(i), status)
+      kept = preconditioners_type()
+      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-4_wp), step(i), iterations(i), status, kept)
+      motion = 0.8_wp*motion
+      call balance%evaluate(motion, omega, status)
+      call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-4_wp), step(i), iterations(i), status, kept)
       call check(error, status == 0 .and. iterations(i) > 3, 'GMRES was not needed: the test is void')
       call balance%destroy()
     end do
@@ -334,9 +343,9 @@ contains
     right = random_right(balance)
     step = right
     call solve_linearised(balance, random_constraint(), right, linear_options_type(dense_limit=0, krylov=krylov_options_type( &
-                          tolerance=1.0e-13_wp, coarse_motions=2, max_iterations=2)), step, iterations, status, kept)
-    call check(error, status == 0 .and. iterations == 2, 'it is not handed out')
-    call check(error, .not. kept%two_level%serve(balance, 0.0_wp), 'its preconditioner is kept')
+                          tolerance=1.0e-13_wp, max_iterations=2)), step, iterations, status, kept)
+    call check(error, status == 0 .and. iterations >= 2 .and. norm2(step%motion) > 0.0_wp, 'it is not handed out')
+    call check(error, .not. kept%blocks%serve(balance, 0.0_wp), 'its preconditioner is kept')
     call balance%destroy()
   end subroutine unfinished
 

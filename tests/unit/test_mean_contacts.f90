@@ -2,26 +2,35 @@
 program test_mean_contacts
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
+  use attrito_core_lapack_complex, only: factor_complex, solve_factored_complex
   use attrito_core_state_store, only: state_store_type, reading_store, writing_store
+  use attrito_linear_receptance, only: receptance_type
+  use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
+  use attrito_model_contacts, only: stuck_stiffness
   use attrito_model_structure, only: damping_viscous, damping_mass, damping_ratio
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_newton_linearised_step, only: solve_linearised
+  use attrito_newton_linearised_step, only: solve_linearised, stiffened
   use attrito_newton_mean_contacts, only: mean_contacts_type
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_balance_unknowns, only: unknowns_type
-  use random_steps, only: k, rows, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres, check_by_elimination
+  use random_steps, only: harmonics, k, rows, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres, &
+                          check_by_elimination
   use scenes, only: scene_type, rubbing_frame, damp
   use session, only: run_in_session
   use testing, only: test, check, check_close
   implicit none
 
-  !> Iterations on two levels that are too many
-  real(wp), parameter :: many = 1000.0_wp
+  !> Rows of the second contact and of the fourth
+  integer, parameter :: opened(6) = [3, 4, 5, 8, 9, 10]
   !> A gap that no motion here closes
   real(wp), parameter :: far = 100.0_wp
 
   call run_in_session('mean contacts', [ &
                       test('an open contact has lost its springs, one that slips a part of the tangential one', springs), &
+                      test('without springs the receptance is that of the structure without them', without_springs), &
+                      test('a body that is free without springs has no receptance without them', free_body), &
+                      test('where damping couples no modes one iteration solves a step, springs kept in it or not', one_iteration), &
+                      test('contacts that have changed leave the step what it is', touching), &
                       test('the step is that of elimination, modes uncoupled or not, the mean frozen or not', as_by_elimination), &
                       test('contacts that were saved and loaded give the same step bit for bit', saved)])
 
@@ -52,7 +61,7 @@ contains
     integer :: i
 
     call prepare(damping_mass, far, balance)
-    call mean%take(balance, is_new)
+    call mean%take(balance, 0.0_wp, is_new)
     call check(error, is_new .and. allocated(mean%receptance), 'nothing is lost')
     if (allocated(error)) return
     part = mean%lost_of(balance)
@@ -68,29 +77,142 @@ contains
         end associate
       end associate
     end do
-    call mean%take(balance, is_new)
+    call mean%take(balance, 0.0_wp, is_new)
     call check(error, .not. is_new, 'the same contacts are taken twice')
     call balance%destroy()
   end subroutine springs
+
+  !> Against the dense inverse of K~ - B^T k B - (h omega)^2 M + i h omega alpha M.
+  subroutine without_springs(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(scene_type) :: scene
+    type(stuck_system_type) :: stuck
+    class(receptance_type), allocatable :: receptance, less
+    type(error_type), allocatable :: fault
+    complex(wp) :: block(rows, rows)
+    complex(wp), allocatable :: system(:, :), columns(:, :)
+    real(wp), allocatable :: stiffness(:, :)
+    integer, allocatable :: pivots(:)
+    integer :: all_rows(rows), i, kind, h, status
+
+    all_rows = [(i, i=1, rows)]
+    do kind = 1, 2
+      scene = rubbing_frame()
+      ! The second kind is factored, harmonic by harmonic; its modes are coupled by no damping here.
+      if (kind == 1) call damp(scene, damping_mass, 0.3_wp)
+      if (kind == 2) call damp(scene, damping_viscous, 0.0_wp)
+      call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
+      call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
+      call receptance%without_springs(opened, scene%contacts%row_stiffness(opened), less)
+      call less%set_frequency(omega, status)
+      call check(error, status == 0, 'it is singular')
+      stiffness = stuck_stiffness(scene%contacts, scene%structure%stiffness, .true.)
+      associate (directions => scene%contacts%directions(:, opened))
+        stiffness = stiffness - matmul(directions*spread(scene%contacts%row_stiffness(opened), 1, size(directions, 1)), &
+                                       transpose(directions))
+      end associate
+      do h = 0, harmonics
+        associate (mass => scene%structure%mass, alpha => merge(0.3_wp, 0.0_wp, kind == 1))
+          system = cmplx(stiffness - (h*omega)**2*mass, alpha*h*omega*mass, wp)
+        end associate
+        columns = scene%contacts%directions
+        if (allocated(pivots)) deallocate (pivots)
+        allocate (pivots(size(system, 1)))
+        call factor_complex(system, pivots, status)
+        call solve_factored_complex(system, pivots, columns)
+        columns = matmul(transpose(scene%contacts%directions), columns)
+        call less%block_between(h, all_rows, all_rows, block)
+        ! Condition of the system times rounding.
+        call check_close(error, block, columns, 1.0e-11_wp*maxval(abs(columns)), 'receptance')
+      end do
+    end do
+  end subroutine without_springs
+
+  !> Twice the springs that there are leave no structure.
+  subroutine free_body(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    class(receptance_type), allocatable :: less
+    integer :: i
+
+    call prepare(damping_mass, far, balance)
+    call balance%receptance%without_springs([(i, i=1, rows)], [(1.0e3_wp, i=1, rows)], less)
+    call check(error, .not. allocated(less), 'there is one')
+    call balance%destroy()
+  end subroutine free_body
+
+  !> Contacts in the mean and one block of all of them are the whole system, in single precision: 6e-8 times its condition, some 1e2.
+  subroutine one_iteration(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(preconditioners_type) :: kept
+    type(unknowns_type) :: right, step
+    real(wp) :: stiffening
+    logical :: is_new
+    integer :: i, iterations, status
+
+    do i = 1, 3
+      stiffening = merge(0.2_wp, 0.0_wp, i == 3)
+      kept = preconditioners_type()
+      call prepare(damping_mass, far, balance)
+      if (i > 1) call kept%mean%take(balance, stiffening, is_new)
+      right = random_right(balance)
+      step = right
+      call solve_linearised(balance, random_constraint(), right, stiffened(by_gmres(1.0e-4_wp, in_one_block=.true.), stiffening), &
+                            step, iterations, status, kept)
+      call check(error, allocated(kept%mean%receptance) .eqv. i > 1, 'contacts in the mean do not serve')
+      call check(error, status == 0 .and. iterations == 1, 'it iterates')
+      call balance%destroy()
+    end do
+  end subroutine one_iteration
 
   subroutine as_by_elimination(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance
     type(preconditioners_type) :: kept
     real(wp) :: motion(k, rows)
+    logical :: is_new
     integer :: i, status
 
     do i = 1, 4
-      kept = preconditioners_type(two_level_iterations=many)
+      kept = preconditioners_type()
       call prepare(merge(damping_viscous, damping_ratio, i <= 2), 0.0_wp, balance)
       motion = balance%recover(balance%response)
       if (modulo(i, 2) == 0) balance%frozen_mean = balance%response(:, lbound(balance%response, 2))
       call balance%evaluate(motion, omega, status)
+      call kept%mean%take(balance, 0.0_wp, is_new)
       call check_by_elimination(error, balance, kept)
       call check(error, allocated(kept%mean%receptance), 'contacts in the mean do not serve')
       call balance%destroy()
     end do
   end subroutine as_by_elimination
+
+  !> The second contact was open, then its gap is closed: at first it touches for a part of the period, then it sticks.
+  subroutine touching(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(preconditioners_type) :: kept
+    real(wp) :: motion(k, rows), before(rows)
+    logical :: is_new
+    integer :: i, status
+
+    do i = 1, 3
+      kept = preconditioners_type()
+      call prepare(damping_mass, far, balance)
+      motion = balance%recover(balance%response)
+      call balance%evaluate(motion, omega, status)
+      call kept%mean%take(balance, 0.0_wp, is_new)
+      before = kept%mean%lost_of(balance)
+      if (i == 2) balance%law(2)%gap = 0.0_wp
+      if (i == 3) balance%law(2)%preload = 2.0_wp*far*balance%law(2)%normal_stiffness
+      call balance%evaluate(motion, omega, status)
+      call check_by_elimination(error, balance, kept)
+      call check_close(error, kept%mean%lost_of(balance), before, 0.0_wp, 'springs lost, others: the test is void')
+      call check(error, i == 1 .or. balance%forces(2)%open < 1.0_wp, 'it does not touch: the test is void')
+      call check(error, i < 3 .or. .not. allocated(balance%forces(2)%jacobian), 'it does not stick: the test is void')
+      call balance%destroy()
+    end do
+  end subroutine touching
 
   subroutine saved(error)
     type(error_type), allocatable, intent(out) :: error
@@ -98,21 +220,22 @@ contains
     type(preconditioners_type) :: kept, loaded
     type(unknowns_type) :: right, step, again
     type(state_store_type) :: store
+    logical :: is_new
     integer :: iterations, status
 
     call prepare(damping_ratio, 0.0_wp, balance)
     right = random_right(balance)
     step = right
     again = right
-    kept%two_level_iterations = many
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 2), step, iterations, status, kept)
+    call kept%mean%take(balance, 0.0_wp, is_new)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp), step, iterations, status, kept)
     store = writing_store()
     call kept%keep(store)
     store = reading_store(store%numbers(:store%position))
     call loaded%keep(store)
     call check(error, store%is_read(), 'not all of it is read')
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 2), step, iterations, status, kept)
-    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp, 2), again, iterations, status, loaded)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp), step, iterations, status, kept)
+    call solve_linearised(balance, random_constraint(), right, by_gmres(1.0e-5_wp), again, iterations, status, loaded)
     call check(error, allocated(loaded%mean%receptance), 'contacts in the mean do not serve')
     call check_close(error, packed(again), packed(step), 0.0_wp, 'step')
     call balance%destroy()
