@@ -5,7 +5,7 @@
 !>     contact by samples           4 k^2 J, with two tangents 12 k^2 J + 28 k J
 !>     residual                     6 k m n
 !>     linearised step              4 (a/k) a n + 2 a^3 / 3, with factors kept 2 a^2, by iterations 4 a n each
-!>     factors of contacts that a tangent reference leaves over, u unknowns
+!>     factors of a block of u unknowns
 !>                                  4 (u/k) u n + 2 u^3 / 3
 !>
 !> A contact that sticks all over the period counts nothing; one of several elements in parallel counts that much for each.

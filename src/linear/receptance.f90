@@ -51,8 +51,6 @@ module attrito_linear_receptance
     procedure(common_modes), deferred :: common_modes
     procedure(mode_shapes), deferred :: mode_shapes
     procedure(low_stiffness), deferred :: low_stiffness
-    procedure(static_stiffness), deferred :: static_stiffness
-    procedure(own_block), deferred :: own_block
     procedure :: set_harmonics
     procedure :: set_frequency
     procedure :: set_like
@@ -253,23 +251,6 @@ module attrito_linear_receptance
       integer, intent(in) :: h, low
       complex(wp) :: stiffness(low)
     end function low_stiffness
-
-    !> Stiffness k_r of the modes in common, whatever the frequency [n].
-    pure function static_stiffness(self) result(stiffness)
-      import :: receptance_type, wp
-      class(receptance_type), intent(in) :: self
-      real(wp), allocatable :: stiffness(:)
-    end function static_stiffness
-
-    !> Receptance among a few rows of B.
-    subroutine own_block(self, rows, blocks)
-      import :: receptance_type, wp
-      class(receptance_type), intent(in) :: self
-      !> Rows of B, from 1
-      integer, intent(in) :: rows(:)
-      !> [rows, rows, 0:H]
-      complex(wp), intent(out) :: blocks(:, :, 0:)
-    end subroutine own_block
   end interface
 
 contains

@@ -36,8 +36,6 @@ module attrito_linear_receptance_cyclic
     procedure :: common_modes
     procedure :: mode_shapes
     procedure :: low_stiffness
-    procedure :: static_stiffness
-    procedure :: own_block
     procedure :: block_between
     procedure :: project
     procedure :: rows_at
@@ -243,14 +241,6 @@ contains
     stiffness = h
   end function low_stiffness
 
-  pure function static_stiffness(self) result(stiffness)
-    class(receptance_cyclic_type), intent(in) :: self
-    real(wp), allocatable :: stiffness(:)
-
-    allocate (stiffness(self%common_modes()))
-    stiffness = 0.0_wp
-  end function static_stiffness
-
   subroutine block_between(self, h, rows_a, rows_b, block)
     class(receptance_cyclic_type), intent(in) :: self
     !> Number of the harmonic; numbers of contact rows
@@ -264,18 +254,4 @@ contains
     block = matmul(conjg(transpose(self%rows_at(h, rows_a))), columns)
     if (h == 0) block = real(block, wp)
   end subroutine block_between
-
-  subroutine own_block(self, rows, blocks)
-    class(receptance_cyclic_type), intent(in) :: self
-    !> Numbers of contact rows
-    integer, intent(in) :: rows(:)
-    !> Block of the matrix, by harmonic
-    complex(wp), intent(out) :: blocks(:, :, 0:)
-    integer :: h
-
-    blocks(:, :, :self%lowest - 1) = 0.0_wp
-    do h = self%lowest, self%harmonics
-      call self%block_between(h, rows, rows, blocks(:, :, h))
-    end do
-  end subroutine own_block
 end module attrito_linear_receptance_cyclic

@@ -39,8 +39,6 @@ module attrito_linear_receptance_direct
     procedure :: block_between
     procedure :: mode_shapes
     procedure :: low_stiffness
-    procedure :: static_stiffness
-    procedure :: own_block
     procedure :: without_springs
   end type receptance_direct_type
 
@@ -254,35 +252,6 @@ contains
       if (self%lifted_modes(i) <= low) stiffness(self%lifted_modes(i)) = stiffness(self%lifted_modes(i)) + self%lifts(i)
     end do
   end function low_stiffness
-
-  pure function static_stiffness(self) result(stiffness)
-    class(receptance_direct_type), intent(in) :: self
-    real(wp), allocatable :: stiffness(:)
-
-    stiffness = self%modal_stiffness
-  end function static_stiffness
-
-  !> As if damping did not couple the modes: it serves a preconditioner, and a solve for each contact would cost more than that
-  !> saves.
-  subroutine own_block(self, rows, blocks)
-    class(receptance_direct_type), intent(in) :: self
-    !> Numbers of contact rows
-    integer, intent(in) :: rows(:)
-    !> Block of the matrix, by harmonic
-    complex(wp), intent(out) :: blocks(:, :, 0:)
-    complex(wp) :: flexibility(size(self%modes, 2))
-    integer :: h, i, j
-
-    blocks = 0.0_wp
-    do h = self%lowest, self%harmonics
-      flexibility = 1.0_wp/self%low_stiffness(h, size(flexibility))
-      do j = 1, size(rows)
-        do i = 1, size(rows)
-          blocks(i, j, h) = sum(self%modal_directions(:, rows(i))*self%modal_directions(:, rows(j))*flexibility)
-        end do
-      end do
-    end do
-  end subroutine own_block
 
   !> Structural damping counts as the viscous one that is equal at a mode's own frequency.
   subroutine without_springs(self, rows, springs, opened)

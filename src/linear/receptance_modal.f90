@@ -14,9 +14,8 @@ module attrito_linear_receptance_modal
   type, extends(receptance_real_type) :: receptance_modal_type
     !> Modal stiffness, mass and damping [n], however the modes are normalised
     real(wp), allocatable :: modal_stiffness(:), modal_mass(:), modal_damping(:)
-    !> Dynamic flexibility at this frequency [n, 0:H], and its real and imaginary parts in turn [n, 2 H + 1]
+    !> Dynamic flexibility at this frequency [n, 0:H]
     complex(wp), allocatable, private :: flexibility(:, :)
-    real(wp), allocatable, private :: parts(:, :)
   contains
     procedure :: allocate_factors
     procedure :: factor
@@ -27,8 +26,6 @@ module attrito_linear_receptance_modal
     procedure :: block_between
     procedure :: mode_shapes
     procedure :: low_stiffness
-    procedure :: static_stiffness
-    procedure :: own_block
     procedure :: uncoupled_modes
     procedure :: without_springs
   end type receptance_modal_type
@@ -55,8 +52,8 @@ contains
     !> Highest harmonic, H
     integer, intent(in) :: harmonics
 
-    if (allocated(self%flexibility)) deallocate (self%flexibility, self%parts)
-    allocate (self%flexibility(size(self%modal_mass), 0:harmonics), self%parts(size(self%modal_mass), 2*harmonics + 1))
+    if (allocated(self%flexibility)) deallocate (self%flexibility)
+    allocate (self%flexibility(size(self%modal_mass), 0:harmonics))
   end subroutine allocate_factors
 
   subroutine factor(self, h, omega, status)
@@ -73,8 +70,6 @@ contains
     call modal_stiffness(self, h, omega, self%modal_stiffness, self%modal_mass, self%modal_damping, stiffness, status)
     ! Not by a division of complex numbers, whose care for overflow is not needed and takes several times as long.
     square = real(stiffness, wp)**2 + aimag(stiffness)**2
-    self%parts(:, max(2*h, 1)) = real(stiffness, wp)/square
-    if (h > 0) self%parts(:, 2*h + 1) = -aimag(stiffness)/square
     self%flexibility(:, h) = cmplx(real(stiffness, wp)/square, -aimag(stiffness)/square, wp)
   end subroutine factor
 
@@ -170,13 +165,6 @@ contains
     stiffness = 1.0_wp/self%flexibility(:low, h)
   end function low_stiffness
 
-  pure function static_stiffness(self) result(stiffness)
-    class(receptance_modal_type), intent(in) :: self
-    real(wp), allocatable :: stiffness(:)
-
-    stiffness = self%modal_stiffness
-  end function static_stiffness
-
   subroutine uncoupled_modes(self, stiffness, mass, damping)
     class(receptance_modal_type), intent(in) :: self
     !> Stiffness, of each mode or as a matrix; mass, of each mode or as a matrix; damping of each mode
@@ -222,36 +210,4 @@ contains
       matrix(i, i) = values(i)
     end do
   end function diagonal
-
-  subroutine own_block(self, rows, blocks)
-    class(receptance_modal_type), intent(in) :: self
-    !> Numbers of contact rows
-    integer, intent(in) :: rows(:)
-    !> Block of the matrix, by harmonic
-    complex(wp), intent(out) :: blocks(:, :, 0:)
-    real(wp) :: pairs(size(self%directions, 1), size(rows)*(size(rows) + 1)/2)
-    real(wp) :: sums(size(pairs, 2), 2*self%harmonics + 1)
-    integer :: h, i, j, pair
-
-    pair = 0
-    do j = 1, size(rows)
-      do i = 1, j
-        pair = pair + 1
-        pairs(:, pair) = self%directions(:, rows(i))*self%directions(:, rows(j))
-      end do
-    end do
-    sums = matmul(transpose(pairs), self%parts)
-    if (self%lowest > 0) sums(:, 1) = 0.0_wp
-    pair = 0
-    do j = 1, size(rows)
-      do i = 1, j
-        pair = pair + 1
-        blocks(i, j, 0) = sums(pair, 1)
-        do h = 1, self%harmonics
-          blocks(i, j, h) = cmplx(sums(pair, 2*h), sums(pair, 2*h + 1), wp)
-        end do
-        blocks(j, i, :) = blocks(i, j, :)
-      end do
-    end do
-  end subroutine own_block
 end module attrito_linear_receptance_modal

@@ -118,7 +118,7 @@ contains
     context%system = new_condensed_operator(balance, border, stiffening, options%tolerance)
     context%right = column_type(context%system%multiply_jacobian(rho), last)
     context%options = options
-    allocate (step%rows, mold=context%right%rows)
+    allocate (step%rows, source=0.0_wp*context%right%rows)
     iterations = 0
     do
       call kept%prepare(balance, stiffening, options%largest_block, is_latest, status)
