@@ -3,7 +3,7 @@
 !>
 !> $$ z \leftarrow (I + D' L')^{-1} (z - D' m), \qquad D' = D - D_0, \qquad L' = own(R') $$
 !>
-!> D_0 and R' are contacts and structure in the mean (`mean_contacts`), m the motion that forces of contacts without a block make. D'
+!> D_0 and R' are contacts and structure in the mean (`mean_contacts`, at harmonic 0 `mean_response`), m the motion that forces of contacts without a block make. D'
 !> couples the harmonics of one contact, own() is what the forces of a block's contacts move of these: a block has as many contacts as
 !> its size allows. Factors are in single precision and kept from step to step while that pays (`kept_factors`).
 module attrito_newton_contact_blocks
@@ -13,6 +13,7 @@ module attrito_newton_contact_blocks
   use attrito_newton_active_jacobian, only: contact_jacobian_type, jacobian_of
   use attrito_newton_kept_factors, only: flops_of_iteration, kept_factors_type
   use attrito_newton_mean_contacts, only: mean_contacts_type
+  use attrito_newton_mean_response, only: mean_response_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_linear_receptance, only: receptance_type
   implicit none
@@ -66,7 +67,7 @@ contains
   end function serve
 
   !> Make them for the balance's last evaluation.
-  subroutine make(self, balance, stiffening, mean, largest, status)
+  subroutine make(self, balance, stiffening, mean, of_mean, largest, status)
     class(contact_blocks_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
@@ -74,6 +75,8 @@ contains
     real(wp), intent(in) :: stiffening
     !> Set to the frequency of that evaluation
     type(mean_contacts_type), intent(in) :: mean
+    !> What stands for that at harmonic 0, if it is made
+    type(mean_response_type), intent(in) :: of_mean
     !> Unknowns beyond which a block has one contact alone
     integer, intent(in) :: largest
     !> 0, or not: singular, and they are void
@@ -82,16 +85,16 @@ contains
     integer :: i
 
     self%stiffening = stiffening
-    call find_members(balance, stiffening, mean, self%members)
+    call find_members(balance, stiffening, mean, of_mean%is_made, self%members)
     call share_out(self%members, largest, self%blocks)
     status = 0
     self%flops = 0.0_wp
     do i = 1, size(self%blocks)
       associate (block => self%blocks(i), own => self%members(self%blocks(i)%first:self%blocks(i)%last))
         if (allocated(mean%receptance)) then
-          call factor_block(balance, mean%receptance, own, block, status)
+          call factor_block(balance, mean%receptance, of_mean, own, block, status)
         else
-          call factor_block(balance, balance%receptance, own, block, status)
+          call factor_block(balance, balance%receptance, of_mean, own, block, status)
         end if
         if (status /= 0) exit
         associate (n => real(size(block%pivots), wp), coordinates => size(balance%response, 1))
@@ -109,13 +112,15 @@ contains
   end subroutine make
 
   !> Active contacts of this rank that differ from their mean.
-  subroutine find_members(balance, stiffening, mean, members)
+  subroutine find_members(balance, stiffening, mean, is_mean_apart, members)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Part of their springs that contacts keep
     real(wp), intent(in) :: stiffening
     !> What springs have lost
     type(mean_contacts_type), intent(in) :: mean
+    !> Has harmonic 0 a D_0 of its own, which is all that D has there?
+    logical, intent(in) :: is_mean_apart
     !> In order
     type(member_type), allocatable, intent(out) :: members(:)
     type(member_type) :: all(size(balance%active%contacts))
@@ -126,7 +131,7 @@ contains
     lost = mean%lost_of(balance)
     do i = 1, size(all)
       associate (first => balance%active%source(i), rows => balance%active%rows(i))
-        left = jacobian_left(balance, i, stiffening, lost(first:first + rows - 1))
+        left = jacobian_left(balance, i, stiffening, lost(first:first + rows - 1), is_mean_apart)
         all(i) = member_type(balance%active%contacts(i), [(balance%first_row - 1 + first + row, row=0, rows - 1)], left%rows, &
                              real(left%values, sp))
       end associate
@@ -135,13 +140,15 @@ contains
   end subroutine find_members
 
   !> D' of an active contact: its rows that are not zero.
-  pure function jacobian_left(balance, place, stiffening, lost) result(left)
+  pure function jacobian_left(balance, place, stiffening, lost, is_mean_apart) result(left)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
     !> Its place among these
     integer, intent(in) :: place
     !> Part of their springs that contacts keep; what springs of its rows have lost in the mean [rows]
     real(wp), intent(in) :: stiffening, lost(:)
+    !> Has harmonic 0 a D_0 of its own?
+    logical, intent(in) :: is_mean_apart
     type(contact_jacobian_type) :: left
     type(contact_jacobian_type) :: jacobian
     real(wp), allocatable :: values(:, :)
@@ -154,6 +161,7 @@ contains
     do i = 1, size(values, 1)
       values(i, i) = values(i, i) + lost((i - 1)/k + 1)
     end do
+    if (is_mean_apart) values(::k, ::k) = 0.0_wp
     associate (law => balance%law(balance%active%contacts(place)))
       left%rows = pack([(i, i=1, size(values, 1))], &
                        maxval(abs(values), 2) > negligible*max(law%tangential_stiffness, law%normal_stiffness))
@@ -186,11 +194,13 @@ contains
   end subroutine share_out
 
   !> I + D' L' of a block.
-  subroutine factor_block(balance, receptance, members, block, status)
+  subroutine factor_block(balance, receptance, of_mean, members, block, status)
     !> Harmonic balance: is its mean frozen?
     type(balance_type), intent(in) :: balance
     !> R'
     class(receptance_type), intent(in) :: receptance
+    !> R' at harmonic 0, if it is made
+    type(mean_response_type), intent(in) :: of_mean
     !> Its contacts
     type(member_type), intent(in) :: members(:)
     !> Takes the factors
@@ -217,6 +227,7 @@ contains
     do h = merge(1, receptance%lowest, allocated(balance%frozen_mean)), receptance%harmonics
       call receptance%block_between(h, rows, rows, flexibility(:, :, h))
     end do
+    if (of_mean%is_made) flexibility(:, :, 0) = of_mean%between(rows)
     allocate (block%factors(size(carriers), size(carriers)), block%pivots(size(carriers)))
     above = 0
     before = 0

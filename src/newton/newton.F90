@@ -60,6 +60,8 @@ module attrito_newton_newton
     integer :: max_iterations = 30
     !> Part of their springs that contacts keep in the step to begin with: 0 is Newton's method, with backtracking
     real(wp) :: stiffening = 0.0_wp
+    !> Steps in a row that hardly reduce the residual before it is given up
+    integer :: most_stalled = huge(1)
   end type newton_controls_type
 
   !> How a solve ended
@@ -172,6 +174,8 @@ contains
     self%context%last_norm = sqrt(huge(1.0_wp))
     self%context%first_stiffening = controls%stiffening
     self%context%stiffening = controls%stiffening
+    self%context%stalled = 0
+    self%context%most_stalled = controls%most_stalled
     call run(self, unknowns, controls, report, ierr)
     report%linear_iterations = self%context%linear_iterations
     if (ierr /= 0) then

@@ -36,6 +36,10 @@ module attrito_newton_newton_context
     integer :: linear_iterations = 0
     !> Part of their springs that contacts keep at first, and now; norm of the residual at the last Jacobian
     real(wp) :: first_stiffening = 0.0_wp, stiffening = 0.0_wp, last_norm = 0.0_wp
+    !> Steps in a row that hardly reduced the residual, and those that end a solve
+    integer :: stalled = 0, most_stalled = huge(1)
+    !> Operations of all ranks beyond which no further step is made
+    real(wp) :: most_work = huge(1.0_wp)
     !> The last step that was solved for, and the right-hand side that it answers
     type(unknowns_type) :: step, right
     !> Where the balance was last evaluated
@@ -43,6 +47,7 @@ module attrito_newton_newton_context
     logical :: is_evaluated = .false.
   contains
     procedure :: forget
+    procedure :: gives_up
   end type newton_context_type
 
   !> What PETSc is given and hands back: it takes no type that has procedures of its own
@@ -103,4 +108,16 @@ contains
 
     self%is_evaluated = .false.
   end subroutine forget
+
+  !> Is a solve to end without an answer?
+  logical function gives_up(self)
+    class(newton_context_type), intent(in) :: self
+    real(wp) :: work
+
+    gives_up = self%stalled >= self%most_stalled
+    if (gives_up .or. .not. self%most_work < huge(1.0_wp)) return
+    work = self%balance%work
+    call self%balance%ranks%sum(work)
+    gives_up = work > self%most_work
+  end function gives_up
 end module attrito_newton_newton_context

@@ -16,6 +16,7 @@ module attrito_newton_preconditioner
   use attrito_newton_condensed_operator, only: condensed_operator_type
   use attrito_newton_contact_blocks, only: contact_blocks_type
   use attrito_newton_mean_contacts, only: mean_contacts_type
+  use attrito_newton_mean_response, only: mean_response_type
   use attrito_newton_modal_response, only: modal_response_type, new_modal_response
   implicit none
   private
@@ -30,6 +31,9 @@ module attrito_newton_preconditioner
     integer, allocatable, private :: left(:)
     real(sp), allocatable, private :: shapes_left(:, :)
     type(modal_response_type), private :: response
+    !> What stands for both at harmonic 0, and places of the active rows there
+    type(mean_response_type), pointer, private :: of_mean => null()
+    integer, allocatable, private :: places(:)
     !> Preconditioned column of omega [k, rows], and what is left of the corner
     real(wp), allocatable, private :: column(:, :)
     real(wp), private :: corner = 1.0_wp
@@ -40,11 +44,13 @@ module attrito_newton_preconditioner
 contains
 
   !> For a system, with R' set to its frequency.
-  function new_preconditioner(system, mean, blocks) result(self)
+  function new_preconditioner(system, mean, of_mean, blocks) result(self)
     !> Linearised system on the active contacts
     type(condensed_operator_type), target, intent(in) :: system
     !> Contacts in the mean
     type(mean_contacts_type), intent(in) :: mean
+    !> The same at harmonic 0, if it is made
+    type(mean_response_type), target, intent(in) :: of_mean
     !> How contacts differ from that
     type(contact_blocks_type), target, intent(in) :: blocks
     type(preconditioner_type) :: self
@@ -52,6 +58,8 @@ contains
 
     self%system => system
     self%blocks => blocks
+    self%of_mean => of_mean
+    if (of_mean%is_made) self%places = of_mean%places_of(system%balance)
     self%left = blocks%rows_among(system%balance)
     if (allocated(mean%receptance)) then
       associate (balance => system%balance, receptance => mean%receptance)
@@ -93,21 +101,34 @@ contains
     !> Vector that takes the product
     real(wp), intent(out) :: y(:, :)
     real(sp), allocatable :: field(:, :), left(:, :), motion(:, :), modal(:, :)
+    real(wp), allocatable :: means(:)
 
     field = real(residual, sp)
     left = field(:, self%left)
+    field(:, self%left) = 0.0_sp
     allocate (motion, source=0.0_sp*left)
     if (allocated(self%lost)) then
-      field(:, self%left) = 0.0_sp
       modal = self%response%to_forces(self%system%balance, self%shapes, field)
       motion = matmul(transpose(modal), self%shapes_left)
     end if
+    if (self%of_mean%is_made) then
+      means = residual(1, :)
+      means(self%left) = 0.0_wp
+      means = self%of_mean%motion_of(self%system%balance%ranks, self%places, means)
+      motion(1, :) = real(means(self%left), sp)
+    end if
     call self%blocks%apply(self%system%balance, left, motion)
     field(:, self%left) = left
+    if (self%of_mean%is_made) then
+      means = residual(1, :)
+      means(self%left) = left(1, :)
+      means = self%of_mean%solve(self%system%balance%ranks, self%places, means)
+    end if
     if (allocated(self%lost)) then
       modal = modal + self%response%to_forces(self%system%balance, self%shapes_left, left)
       field = field + spread(self%lost, 1, size(modal, 2))*matmul(transpose(modal), self%shapes)
     end if
     y = field
+    if (self%of_mean%is_made) y(1, :) = means
   end subroutine apply_inverse
 end module attrito_newton_preconditioner

@@ -5,12 +5,14 @@ module attrito_newton_preconditioners
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_contact_blocks, only: contact_blocks_type
   use attrito_newton_mean_contacts, only: mean_contacts_type
+  use attrito_newton_mean_response, only: mean_response_type
   implicit none
   private
   public :: preconditioners_type
 
   type :: preconditioners_type
     type(mean_contacts_type) :: mean
+    type(mean_response_type) :: of_mean
     type(contact_blocks_type) :: blocks
     !> Are the blocks of the present evaluation?
     logical, private :: is_fresh = .false.
@@ -43,8 +45,9 @@ contains
     balance%work = balance%work + self%mean%flops/balance%ranks%ranks
     self%is_fresh = are_new .or. .not. self%blocks%serve(balance, stiffening)
     if (self%is_fresh) then
-      call self%blocks%make(balance, stiffening, self%mean, largest, status)
-      balance%work = balance%work + self%blocks%flops
+      call self%of_mean%make(balance, stiffening)
+      call self%blocks%make(balance, stiffening, self%mean, self%of_mean, largest, status)
+      balance%work = balance%work + self%blocks%flops + self%of_mean%flops/balance%ranks%ranks
     end if
     is_latest = self%is_fresh .and. are_latest
   end subroutine prepare

@@ -25,6 +25,8 @@ module attrito_newton_snes_callbacks
   real(wp), parameter :: longest_step = 1.0e6_wp ! guess
   !> Norm of the residual from which on it is decided which sliders rest
   real(wp), parameter :: settling_norm = 1.0e-3_wp ! guess
+  !> Residual relative to the last from which on a step has hardly reduced it
+  real(wp), parameter :: crawls = 0.9_wp ! guess
 
 contains
 
@@ -118,6 +120,7 @@ contains
       PetscCall(SNESSetJacobianDomainError(snes, ierr))
     end if
     PetscCall(SNESGetFunctionNorm(snes, norm, ierr))
+    context%stalled = merge(context%stalled + 1, 0, norm > crawls*context%last_norm)
     call adapt_stiffening(context, real(norm, wp))
     if (norm <= settling_norm) call settle_sliders(context)
     PetscCall(MatAssemblyBegin(jacobian, MAT_FINAL_ASSEMBLY, ierr))
@@ -209,7 +212,7 @@ contains
     if (close_to) close_to = all(abs(a - b) <= 4.0_wp*epsilon(1.0_wp)*abs(b))
   end function close_to
 
-  !> Shell preconditioner: the inverse.
+  !> Shell preconditioner: the inverse. A solve that is given up gets no step, which ends its line search at once.
   subroutine apply_inverse(pc, x, y, ierr)
     !> Preconditioner
     type(tPC) :: pc
@@ -230,6 +233,11 @@ contains
     step = zero_unknowns(context)
     PetscCall(load(context, x, right, ierr))
     right%omega = right%omega/context%frequency_scale
+    if (context%gives_up()) then
+      PetscCall(VecSet(y, zero, ierr))
+      if (allocated(context%step%motion)) deallocate (context%step%motion)
+      return
+    end if
     do attempt = 1, 2
       call solve_linearised(context%balance, context%constraint, right, stiffened(context%linear, context%stiffening), step, &
                             iterations, status, context%preconditioner)

@@ -19,6 +19,8 @@ module attrito_solve_newton_strategies
   !> A brief try does so many iterations more, as long as the last ones reduced the residual by this factor
   integer, parameter :: brief_iterations = 8 ! guess
   real(wp), parameter :: brief_progress = 1.0e-2_wp ! guess
+  !> Steps in a row that hardly reduce the residual before it is given up
+  integer, parameter :: brief_patience = 3 ! guess
 
   !> Solves with springs on the mean, relaxed in between
   integer, parameter :: most_regularised = 3 ! guess
@@ -47,6 +49,7 @@ contains
     real(wp) :: goal
 
     brief = controls
+    brief%most_stalled = brief_patience
     iterations = 0
     linear_iterations = 0
     goal = brief_progress

@@ -4,14 +4,16 @@ program test_linearised_step
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
   use attrito_model_structure, only: damping_viscous, damping_ratio
-  use attrito_newton_border, only: constraint_type
+  use attrito_newton_border, only: constraint_type, new_border
   use attrito_newton_condensed_dense, only: elimination_type
   use attrito_newton_condensed_krylov, only: krylov_options_type
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_linearised_step, only: linear_options_type, solve_linearised, apply_linearised
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_newton_contact_blocks, only: contact_blocks_type
+  use attrito_newton_condensed_operator, only: condensed_operator_type, new_condensed_operator
   use attrito_newton_mean_contacts, only: mean_contacts_type
+  use attrito_newton_mean_response, only: mean_response_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_state, only: state_stuck
   use random_steps, only: k, rows, contacts, n, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres
@@ -32,6 +34,7 @@ program test_linearised_step
                       test('by GMRES, high modes summed, the step meets the equations to the tolerance, the mean frozen or not', &
                            high_modes), &
                       test('the preconditioner of one block is the inverse', exact_preconditioner), &
+                      test('means of contacts are solved for exactly, and respond as they are', means_alone), &
                       test('a preconditioner kept from another motion leaves the step what it is', kept_preconditioner), &
                       test('a preconditioner that costs more iterations than to make it is made anew', worn_preconditioner), &
                       test('factors kept serve another right-hand side, and count as less work', kept_factors), &
@@ -276,6 +279,39 @@ contains
     end do
   end subroutine kept_preconditioner
 
+  !> Where nothing but means moves, X^-1 undoes the system at harmonic 0, and R'_0 f is the motion of what that gives.
+  subroutine means_alone(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type), target :: balance
+    type(condensed_operator_type) :: system
+    type(mean_response_type) :: of_mean
+    real(wp), allocatable :: y(:, :), product(:, :), z(:), moved(:)
+    complex(wp), allocatable :: response(:, :)
+    real(wp) :: motion(k, rows), last
+    integer :: i, damping
+
+    do i = 1, 2
+      damping = merge(damping_viscous, damping_ratio, i == 1)
+      call prepare(0.0_wp, balance, motion, damping)
+      call of_mean%make(balance, 0.0_wp)
+      system = new_condensed_operator(balance, new_border(balance, random_constraint()), 0.0_wp, 1.0e-4_wp)
+      call check(error, of_mean%is_made .and. size(system%column, 2) > 1, 'nothing slips: the test is void')
+      allocate (y, product, source=0.0_wp*system%column)
+      allocate (response, mold=balance%response)
+      z = system%column(2, :)
+      y(1, :) = of_mean%solve(balance%ranks, of_mean%places_of(balance), z)
+      call system%apply(y, 0.0_wp, product, last)
+      ! The condition of the system, some 1e2, times rounding.
+      call check_close(error, product(1, :), z, 1.0e-12_wp*maxval(abs(y)), 'the mean put back')
+      call balance%respond_to_active(y, response)
+      y = -balance%active%contact_rows%motion_of(response)
+      moved = of_mean%motion_of(balance%ranks, of_mean%places_of(balance), z)
+      call check_close(error, moved, y(1, :), 1.0e-12_wp*maxval(abs(moved)), 'mean motion')
+      deallocate (y, product, response)
+      call balance%destroy()
+    end do
+  end subroutine means_alone
+
   !> Iterations beyond those of the first solve add up; contacts shared out anew, and springs kept, count at once.
   subroutine worn_preconditioner(error)
     type(error_type), allocatable, intent(out) :: error
@@ -287,7 +323,7 @@ contains
 
     call prepare(0.0_wp, balance, motion)
     call check(error, .not. factors%serve(balance, 0.0_wp), 'nothing serves')
-    call factors%make(balance, 0.0_wp, stuck, 1, status)
+    call factors%make(balance, 0.0_wp, stuck, mean_response_type(), 1, status)
     do i = 1, 20
       call factors%count(10)
     end do
@@ -296,7 +332,7 @@ contains
     call check(error, factors%serve(balance, 0.0_wp), 'it is given up too early')
     call factors%count(factors%patience())
     call check(error, .not. factors%serve(balance, 0.0_wp), 'it is not given up')
-    call factors%make(balance, 0.0_wp, stuck, 1, status)
+    call factors%make(balance, 0.0_wp, stuck, mean_response_type(), 1, status)
     call check(error, .not. factors%serve(balance, 0.1_wp), 'it serves other springs')
     balance%changes = balance%changes + 1
     call check(error, .not. factors%serve(balance, 0.0_wp), 'it serves other contacts')
