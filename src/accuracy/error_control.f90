@@ -45,7 +45,7 @@ module attrito_accuracy_error_control
   integer, parameter :: long_series = 20 ! guess
   !> Operations that a point may take on longer series, some 15 s: of a large joint that hardly settles a point with an unknown error
   !> is worth more than none
-  real(wp), parameter :: most_work = 3.0e11_wp ! guess
+  real(wp), parameter :: most_work = 5.0e10_wp ! guess
 
   type :: error_control_type
     !> Relative error accepted in the amplitude
@@ -61,6 +61,8 @@ module attrito_accuracy_error_control
     integer, private :: first(2) = 0, next_harmonics = 0, next_samples = 0
     !> Points of a branch in a row that ask for less than half; the most harmonics and samples that these ask for
     integer, private :: modest = 0, most_asked(2) = 0
+    !> Points of the branch for which no longer series is tried, as one has cost too much
+    integer, private :: given_up = 0
     type(series_comparison_type), private :: comparison
   contains
     procedure :: estimate
@@ -100,6 +102,7 @@ contains
     call store%keep(self%modest)
     call store%keep(self%most_asked(1))
     call store%keep(self%most_asked(2))
+    call store%keep(self%given_up)
     call self%comparison%keep(store)
   end subroutine keep
 
@@ -234,6 +237,7 @@ contains
     real(wp), intent(in) :: omega
 
     call self%comparison%forget()
+    self%given_up = 0
     if (self%first(1) == 0) self%first = [solver%options%harmonics, solver%options%samples]
     if (solver%options%reset_slider) then
       call solver%set_resolution(self%first(1), self%first(2))
@@ -254,7 +258,7 @@ contains
     type(finer_point_type) :: finer
     type(kept_point_type) :: first
     real(wp), allocatable :: shorter(:, :)
-    real(wp) :: left_open, change, shown, begun
+    real(wp) :: left_open, change, shown
     integer :: attempt, harmonics, samples, iterations, unsettled
     logical :: better, was_sure, can_leap
 
@@ -263,7 +267,7 @@ contains
     can_leap = .true.
     unsettled = 0
     iterations = solver%report%iterations
-    begun = work_of(solver)
+    solver%context%most_work = work_of(solver) + most_work
     self%next_harmonics = 0
     do attempt = 0, most_refinements
       call self%estimate(solver, solver%report%converged, finer)
@@ -297,7 +301,8 @@ contains
         unsettled = min(self%estimator%unsettled, most_harmonics)
         harmonics = min(harmonics, most_growth*solver%options%harmonics)
         harmonics = max(harmonics, next_longer(solver%options%harmonics))
-        if (expected_work(unsettled) <= most_work) harmonics = max(harmonics, unsettled)
+        ! Where much is missing the estimate does not know of what, and a long series is far away.
+        if (accepted(self)) harmonics = max(harmonics, unsettled)
         harmonics = min(harmonics, most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
         if (attempt == 0 .and. accepted(self) .and. .not. self%estimator%is_stiff) then
@@ -306,30 +311,25 @@ contains
         end if
       end if
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
-      if (expected_work(harmonics) > most_work) exit
+      if (attempt == 0 .and. self%given_up > 0) then
+        self%given_up = self%given_up - 1
+        exit
+      end if
       shorter = own_monitors(solver)
       call leap_or_step(self, solver, finer, harmonics, samples, can_leap, iterations, better)
       if (.not. better) then
+        if (work_of(solver) > solver%context%most_work) self%given_up = patience
         ! The next point had better begin with a series that has a solution.
         self%next_harmonics = solver%options%harmonics
         self%next_samples = solver%options%samples
         exit
       end if
     end do
+    solver%context%most_work = huge(1.0_wp)
     if (self%choose_harmonics .and. solver%report%converged .and. .not. self%estimator%is_sure) then
       self%errors%harmonics = ieee_value(self%errors%harmonics, ieee_quiet_nan)
     end if
     solver%report%iterations = iterations
-
-  contains
-
-    !> Operations that the point will have taken with so long a series, as many for each pair of harmonics as so far.
-    real(wp) function expected_work(harmonics)
-      !> Highest harmonic, H
-      integer, intent(in) :: harmonics
-
-      expected_work = (work_of(solver) - begun)*(real(harmonics, wp)/solver%options%harmonics)**2
-    end function expected_work
   end subroutine refine
 
   !> Operations so far, of all ranks.

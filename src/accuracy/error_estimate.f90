@@ -36,8 +36,8 @@ module attrito_accuracy_error_estimate
   integer, parameter :: short_series = 5 ! guess
   !> Fewest harmonics of the longer series, a guess: nine miss a mode at the 10th where blocks hardly slip
   integer, parameter :: least_longer = 15 ! guess
-  !> Part of the motion, in units of the tolerance, that a harmonic may lack
-  real(wp), parameter :: unsettled_share = 0.1_wp ! guess
+  !> Part of the tolerance that a harmonic of which only a bound is known may take, and what answers that were not asked for may
+  real(wp), parameter :: unknown_share = 0.1_wp, unsettled_share = 0.25_wp ! guess
   !> Answers of harmonics that have not settled after the second
   integer, parameter :: most_answers = 8 ! guess
   !> The tolerance that estimates are made for where none is given
@@ -111,7 +111,7 @@ contains
         self%is_sure = self%is_sure .and. .not. self%is_stiff
       end if
       errors%samples = finer%samples_share*error
-      errors%harmonics = error - errors%samples
+      errors%harmonics = max(error - errors%samples, second%missing)
     end associate
   end subroutine estimate
 
@@ -129,15 +129,15 @@ contains
     type(second_step_type), intent(out) :: second
     !> 0, or not: the linearised step is singular
     integer, intent(out) :: status
-    real(wp) :: sampled, threshold
+    real(wp) :: sampled, asked
     integer :: harmonics, samples
     logical :: is_new
 
     associate (balance => solver%context%balance)
       sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature%by_events))
       call balance%ranks%sum(sampled)
-      threshold = unsettled_share*min(tolerance, nominal_tolerance)
-      harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), threshold)
+      asked = min(tolerance, nominal_tolerance)
+      harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), unknown_share*asked)
       samples = balance%quadrature%fourier%samples
       if (sampled > 0.0_wp) samples = densification*samples
       if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
@@ -145,14 +145,14 @@ contains
       call solver%context%preconditioner%mean%prepare(balance)
       call self%longer%correct(solver, first, status)
     end associate
-    if (status == 0) call step_again(self%longer, solver, first, threshold, 0, second)
+    if (status == 0) call step_again(self%longer, solver, first, unsettled_share*asked, 0, second)
     if (second%unsettled == 0) return
     associate (balance => solver%context%balance, mean => solver%context%preconditioner%mean)
       call mean%take(balance, 0.0_wp, is_new)
       if (is_new) balance%work = balance%work + mean%flops/balance%ranks%ranks
     end associate
     if (is_new) call self%longer%correct(solver, first, status)
-    if (status == 0) call step_again(self%longer, solver, first, threshold, most_answers, second)
+    if (status == 0) call step_again(self%longer, solver, first, unsettled_share*asked, most_answers, second)
   end subroutine look_finer
 
   !> The stiffness of a contact over that of the structure, all other contacts stuck, the greatest of all rows. With R the stuck

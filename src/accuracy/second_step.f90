@@ -32,7 +32,7 @@ module attrito_accuracy_second_step
     complex(wp), allocatable :: response(:, :)
     !> What answers beyond the second would add, all harmonics beyond H together: part of the motion, as `threshold` is
     real(wp) :: missing = 0.0_wp
-    !> The highest harmonic beyond H at which that is more than the threshold; 0: at none
+    !> The harmonic beyond which that is no more than what may be missing; 0: all of it is not
     integer :: unsettled = 0
   end type second_step_type
 
@@ -53,7 +53,7 @@ contains
     type(solver_type), intent(inout) :: solver
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: first
-    !> Part of the monitors' motion, and ten times that of the contacts', that may be missing of a harmonic
+    !> Part of the monitors' motion, and ten times that of the contacts', that may be missing
     real(wp), intent(in) :: threshold
     !> Answers beyond the second at most
     integer, intent(in) :: most_answers
@@ -179,13 +179,14 @@ contains
     answers%change_of_monitors = abs(to_complex(second_monitors - first_monitors))
   end subroutine compare
 
-  !> What answers beyond the second would add at harmonics from one on, and the highest at which that is more than a threshold.
+  !> What answers beyond the second would add at harmonics from one on, and the harmonic beyond which that is no more than may be
+  !> missing.
   pure subroutine sum_further(answers, lowest, threshold, second)
     !> Norms of the contacts' answers by harmonic
     type(answers_type), intent(in) :: answers
     !> Harmonic to begin at
     integer, intent(in) :: lowest
-    !> Part of the motion that counts
+    !> Part of the motion that may be missing
     real(wp), intent(in) :: threshold
     !> Its `missing` and `unsettled`
     type(second_step_type), intent(inout) :: second
@@ -198,11 +199,11 @@ contains
     second%unsettled = 0
     swing = max(norm2(answers%before), tiny(1.0_wp))
     swings = max(sqrt(sum(answers%monitors(:, 2:)**2, 2)), tiny(1.0_wp))
-    do h = lowest, size(answers%before)
+    do h = size(answers%before), lowest, -1
       further = abs(answers%ratio(h))/max(abs(1.0_wp - answers%ratio(h)), least_distance)
       part = further*max(weight*answers%change(h)/swing, maxval(answers%change_of_monitors(:, h + 1)/swings))
       second%missing = hypot(second%missing, part)
-      if (part > threshold) second%unsettled = h
+      if (second%unsettled == 0 .and. second%missing > threshold) second%unsettled = h
     end do
   end subroutine sum_further
 end module attrito_accuracy_second_step

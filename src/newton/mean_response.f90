@@ -17,7 +17,7 @@ module attrito_newton_mean_response
   public :: mean_response_type
 
   !> Rows, of all ranks, beyond which every rank would do more for harmonic 0 than for its blocks
-  integer, parameter :: most_rows = 3000 ! guess
+  integer, parameter :: most_rows = 1500 ! guess
 
   type :: mean_response_type
     !> Is it at hand? If not, harmonic 0 is as the others are
