@@ -39,7 +39,7 @@ module attrito_accuracy_error_control
   !> Harmonics and samples between which they are chosen
   integer, parameter :: most_harmonics = 100, most_samples = 8192 ! conventional
   integer, parameter :: most_refinements = 8 ! conventional
-  !> Longest series that an estimate which is not sure is held against, in units of the present one: more is not known to be needed
+  !> Longest series to go to at once, in units of the present one: more is not known to be needed
   integer, parameter :: most_growth = 2 ! guess
   !> Longer series are long: Newton's method costs much there, and from far away it is given up early
   integer, parameter :: long_series = 20 ! guess
@@ -299,10 +299,10 @@ contains
       if (self%choose_harmonics .and. .not. self%estimator%is_sure) then
         was_sure = was_sure .and. self%estimator%is_stiff
         unsettled = min(self%estimator%unsettled, most_harmonics)
+        ! Where the error is large the estimate does not know what is missing.
+        if (accepted(self)) harmonics = max(harmonics, unsettled)
         harmonics = min(harmonics, most_growth*solver%options%harmonics)
         harmonics = max(harmonics, next_longer(solver%options%harmonics))
-        ! Where much is missing the estimate does not know of what, and a long series is far away.
-        if (accepted(self)) harmonics = max(harmonics, unsettled)
         harmonics = min(harmonics, most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
         if (attempt == 0 .and. accepted(self) .and. .not. self%estimator%is_stiff) then
@@ -461,7 +461,7 @@ contains
       if (self%errors%harmonics*left_out(h) <= accepted_error*left_out(now)) exit
     end do
     if (needed > nint(worth_cutting*now) .and. accepted(self)) needed = now
-    needed = min(max(needed, now/2, self%fewest_harmonics), most_harmonics)
+    needed = min(max(needed, now/2, self%fewest_harmonics), max(most_growth*now, long_series), most_harmonics)
   end function needed_harmonics
 
   !> Norm of the contacts' motion beyond each harmonic [K].

@@ -111,7 +111,8 @@ contains
         self%is_sure = self%is_sure .and. .not. self%is_stiff
       end if
       errors%samples = finer%samples_share*error
-      errors%harmonics = max(error - errors%samples, second%missing)
+      errors%harmonics = error - errors%samples
+      if (status == 0) errors%harmonics = max(errors%harmonics, second%missing)
     end associate
   end subroutine estimate
 

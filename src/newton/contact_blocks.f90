@@ -3,9 +3,10 @@
 !>
 !> $$ z \leftarrow (I + D' L')^{-1} (z - D' m), \qquad D' = D - D_0, \qquad L' = own(R') $$
 !>
-!> D_0 and R' are contacts and structure in the mean (`mean_contacts`, at harmonic 0 `mean_response`), m the motion that forces of contacts without a block make. D'
-!> couples the harmonics of one contact, own() is what the forces of a block's contacts move of these: a block has as many contacts as
-!> its size allows. Factors are in single precision and kept from step to step while that pays (`kept_factors`).
+!> D_0 and R' are contacts and structure in the mean (`mean_contacts`, at harmonic 0 `mean_response`), m the motion that forces
+!> make which are in no block. D' couples the harmonics of one contact, own() is what the forces of a block's contacts move of
+!> these: a block has as many contacts as its size allows. Factors are in single precision and kept from step to step while that pays
+!> (`kept_factors`).
 module attrito_newton_contact_blocks
   use attrito_core_kinds, only: sp, wp
   use attrito_core_lapack, only: times_vector
@@ -50,6 +51,7 @@ module attrito_newton_contact_blocks
     procedure :: make
     procedure :: serve
     procedure :: rows_among
+    procedure :: unknowns_among
     procedure :: apply
   end type contact_blocks_type
 
@@ -275,7 +277,7 @@ contains
   end function real_coefficients
 
   !> Rows of contacts with a block, as far as these are active now: places among the active rows.
-  function rows_among(self, balance) result(places)
+  pure function rows_among(self, balance) result(places)
     class(contact_blocks_type), intent(in) :: self
     !> Harmonic balance: which contacts are active
     type(balance_type), intent(in) :: balance
@@ -291,6 +293,31 @@ contains
       end associate
     end do
   end function rows_among
+
+  !> Which coefficients of the rows above blocks solve for [k, rows].
+  pure function unknowns_among(self, balance) result(are_unknown)
+    class(contact_blocks_type), intent(in) :: self
+    !> Harmonic balance: which contacts are active
+    type(balance_type), intent(in) :: balance
+    logical, allocatable :: are_unknown(:, :)
+    logical :: is_active(size(balance%law))
+    integer :: above, i, j, k
+
+    k = balance%coefficients()
+    is_active = .false.
+    is_active(balance%active%contacts) = .true.
+    allocate (are_unknown(k, size(self%rows_among(balance))), source=.false.)
+    above = 0
+    do i = 1, size(self%members)
+      associate (member => self%members(i))
+        if (.not. is_active(member%contact)) cycle
+        do j = 1, size(member%unknowns)
+          are_unknown(modulo(member%unknowns(j) - 1, k) + 1, above + (member%unknowns(j) - 1)/k + 1) = .true.
+        end do
+        above = above + size(member%rows)
+      end associate
+    end do
+  end function unknowns_among
 
   !> z from z and m on the rows above.
   subroutine apply(self, balance, z, motion)

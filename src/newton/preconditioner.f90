@@ -27,8 +27,9 @@ module attrito_newton_preconditioner
     type(contact_blocks_type), pointer, private :: blocks => null()
     !> theta k of the active rows [rows], modes of R' there [n, rows], and how they respond; not allocated where nothing is lost
     real(sp), allocatable, private :: lost(:), shapes(:, :)
-    !> Places among these of contacts with a block, and modes there
+    !> Places among these of contacts with a block, what blocks solve for of them [k, left], and modes there
     integer, allocatable, private :: left(:)
+    logical, allocatable, private :: are_unknown(:, :)
     real(sp), allocatable, private :: shapes_left(:, :)
     type(modal_response_type), private :: response
     !> What stands for both at harmonic 0, and places of the active rows there
@@ -61,6 +62,7 @@ contains
     self%of_mean => of_mean
     if (of_mean%is_made) self%places = of_mean%places_of(system%balance)
     self%left = blocks%rows_among(system%balance)
+    self%are_unknown = blocks%unknowns_among(system%balance)
     if (allocated(mean%receptance)) then
       associate (balance => system%balance, receptance => mean%receptance)
         lost = mean%lost_of(balance)
@@ -105,7 +107,7 @@ contains
 
     field = real(residual, sp)
     left = field(:, self%left)
-    field(:, self%left) = 0.0_sp
+    field(:, self%left) = merge(0.0_sp, left, self%are_unknown)
     allocate (motion, source=0.0_sp*left)
     if (allocated(self%lost)) then
       modal = self%response%to_forces(self%system%balance, self%shapes, field)
@@ -113,7 +115,7 @@ contains
     end if
     if (self%of_mean%is_made) then
       means = residual(1, :)
-      means(self%left) = 0.0_wp
+      means(self%left) = merge(0.0_wp, means(self%left), self%are_unknown(1, :))
       means = self%of_mean%motion_of(self%system%balance%ranks, self%places, means)
       motion(1, :) = real(means(self%left), sp)
     end if
@@ -121,11 +123,11 @@ contains
     field(:, self%left) = left
     if (self%of_mean%is_made) then
       means = residual(1, :)
-      means(self%left) = left(1, :)
+      means(self%left) = merge(real(left(1, :), wp), means(self%left), self%are_unknown(1, :))
       means = self%of_mean%solve(self%system%balance%ranks, self%places, means)
     end if
     if (allocated(self%lost)) then
-      modal = modal + self%response%to_forces(self%system%balance, self%shapes_left, left)
+      modal = modal + self%response%to_forces(self%system%balance, self%shapes_left, merge(left, 0.0_sp, self%are_unknown))
       field = field + spread(self%lost, 1, size(modal, 2))*matmul(transpose(modal), self%shapes)
     end if
     y = field
