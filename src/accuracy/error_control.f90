@@ -7,7 +7,7 @@
 !>
 !> Along a branch harmonics and samples stay. A change moves the branch by about its error, which may be more than a step does: the
 !> point is solved again in its own plane first, and the tangent found there. More are taken when a point asks for them, fewer when
-!> several points in a row ask for less than half.
+!> several points in a row ask for less than half, or, of a long series, for less than three quarters.
 module attrito_accuracy_error_control
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
@@ -30,8 +30,8 @@ module attrito_accuracy_error_control
   public :: error_control_type
 
   !> What a change of harmonics or samples aims at of the part of the tolerance that they may take: the estimate may be too small by a
-  !> factor, and the next point is not this one
-  real(wp), parameter :: aimed_part = 0.3_wp ! conventional
+  !> factor, and the next point is not this one; of a long series, where a harmonic costs more than another try
+  real(wp), parameter :: aimed_part = 0.3_wp, aimed_at_length = 0.9_wp ! conventional
   !> A series is cut where so few harmonics would do
   real(wp), parameter :: worth_cutting = 0.75_wp ! guess
   !> Part of a series that had to be lengthened until its estimate was sure that the next point begins with at least
@@ -59,8 +59,8 @@ module attrito_accuracy_error_control
     type(error_estimate_type), private :: estimator
     !> Of the first listed frequency, and for the point that comes next
     integer, private :: first(2) = 0, next_harmonics = 0, next_samples = 0
-    !> Points of a branch in a row that ask for less than half; the most harmonics and samples that these ask for
-    integer, private :: modest = 0, most_asked(2) = 0
+    !> Points of a branch in a row that ask for so little; the most harmonics and samples that these ask for
+    integer, private :: asked = 0, most_asked(2) = 0
     !> Points of the branch for which no longer series is tried, as one has cost too much
     integer, private :: given_up = 0
     type(series_comparison_type), private :: comparison
@@ -99,7 +99,7 @@ contains
     call store%keep(self%first(2))
     call store%keep(self%next_harmonics)
     call store%keep(self%next_samples)
-    call store%keep(self%modest)
+    call store%keep(self%asked)
     call store%keep(self%most_asked(1))
     call store%keep(self%most_asked(2))
     call store%keep(self%given_up)
@@ -138,17 +138,17 @@ contains
 
     now = [solver%options%harmonics, solver%options%samples]
     wanted = [self%next_harmonics, self%next_samples]
-    if (.not. solver%report%converged .or. self%next_harmonics <= 0 .or. all(2*wanted > now)) then
-      self%modest = 0
+    if (.not. solver%report%converged .or. self%next_harmonics <= 0 .or. all(wanted > modest(now))) then
+      self%asked = 0
       self%most_asked = 0
       return
     end if
-    self%modest = self%modest + 1
+    self%asked = self%asked + 1
     self%most_asked = max(self%most_asked, wanted)
-    if (self%modest < patience) return
-    wanted = merge(self%most_asked, now, 2*self%most_asked <= now)
+    if (self%asked < patience) return
+    wanted = merge(self%most_asked, now, self%most_asked <= modest(now))
     wanted(2) = min(max(wanted(2), 6*wanted(1) + 2), now(2))
-    self%modest = 0
+    self%asked = 0
     self%most_asked = 0
     iterations = solver%report%iterations
     if (all(wanted == now)) return
@@ -175,6 +175,15 @@ contains
     if (.not. accepted_too) call here%go_back(solver, self%errors)
     solver%report%iterations = iterations
   end subroutine coarsen
+
+  !> The most harmonics and samples that a series is cut to.
+  pure function modest(now)
+    !> Harmonics and samples of the series
+    integer, intent(in) :: now(2)
+    integer :: modest(2)
+
+    modest = merge((3*now)/4, now/2, now(1) > long_series)
+  end function modest
 
   !> The same at one angular frequency.
   subroutine solve_at(self, solver, omega)
@@ -446,7 +455,7 @@ contains
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: finer
     real(wp), allocatable :: left_out(:)
-    real(wp) :: accepted_error
+    real(wp) :: aimed
     integer :: h, now
 
     now = solver%options%harmonics
@@ -455,10 +464,10 @@ contains
     needed = self%fewest_harmonics
     if (.not. allocated(finer%motion)) return
     left_out = tails(solver, finer%motion)
-    accepted_error = aimed_part*harmonics_share*self%tolerance
     do h = self%fewest_harmonics, size(left_out) - 1
       needed = h
-      if (self%errors%harmonics*left_out(h) <= accepted_error*left_out(now)) exit
+      aimed = merge(aimed_part, aimed_at_length, h <= long_series)*harmonics_share*self%tolerance
+      if (self%errors%harmonics*left_out(h) <= aimed*left_out(now)) exit
     end do
     if (needed > nint(worth_cutting*now) .and. accepted(self)) needed = now
     needed = min(max(needed, now/2, self%fewest_harmonics), max(most_growth*now, long_series), most_harmonics)

@@ -83,14 +83,14 @@ contains
     if (allocated(self%tangent%slider)) deallocate (self%tangent%slider)
   end subroutine take_arc
 
-  !> The solver's present point lies ahead of the one that is looked for next.
-  subroutine put_ahead(self, solver)
+  !> This point lies ahead of the one that is looked for next.
+  subroutine put_ahead(self, motion, omega)
     class(predictor_type), intent(inout) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
+    !> Coefficients of relative displacement, by harmonic and row; angular frequency, rad/s
+    real(wp), intent(in) :: motion(:, :), omega
 
     if (.not. allocated(self%ahead)) allocate (self%ahead(0))
-    self%ahead = [self%ahead, place_type(solver%motion, solver%omega)]
+    self%ahead = [self%ahead, place_type(motion, omega)]
   end subroutine put_ahead
 
   !> The nearest point ahead, which is forgotten; not allocated: there is none.

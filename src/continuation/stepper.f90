@@ -12,7 +12,7 @@ module attrito_continuation_stepper
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_solve_rigid_drift, only: moves_mean_alone, mean_share, branch_steps_in_a_row
+  use attrito_solve_rigid_drift, only: moves_mean_alone, turns_into_mean, mean_share, branch_steps_in_a_row
   use attrito_solve_sliders, only: none_holds
   use attrito_solve_snapshot, only: snapshot_type, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
@@ -51,6 +51,8 @@ module attrito_continuation_stepper
     real(wp) :: direction = 1.0_wp
     !> The last step that was accepted
     type(step_type) :: last
+    !> Has the last step turned it into mean positions?
+    logical, private :: turns_into_mean = .false.
     !> Tangent at the present point once it is looked at, before that at the point before; does the frequency turn between?
     type(tangent_type) :: tangent
     logical :: looked_ahead = .false., turned = .false.
@@ -79,6 +81,7 @@ module attrito_continuation_stepper
     procedure :: remember_in_frequency
     procedure :: adapt
     procedure :: is_drifting
+    procedure :: take_ahead
     procedure :: tangent_backwards
     procedure :: set_coefficients
     procedure :: share_out
@@ -152,7 +155,12 @@ contains
     type(curve_point_type), intent(in) :: point
 
     ! Where hardly more than mean positions change, the frequency's sign is rounding.
-    if (self%last%is_taken()) self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. tangent%share > mean_share
+    self%turned = .false.
+    self%turns_into_mean = .false.
+    if (self%last%is_taken()) then
+      self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. tangent%share > mean_share
+      self%turns_into_mean = turns_into_mean(self%last%across%share, tangent%share)
+    end if
     self%tangent = tangent
     self%here = point
     self%looked_ahead = .true.
@@ -219,13 +227,16 @@ contains
           return
         end if
         if (is_worth_keeping(error, self%off)) call kept%take(solver, self%last, tangent, point, error)
-        call self%predictor%put_ahead(solver)
+        call self%predictor%put_ahead(solver%motion, solver%omega)
         prediction = middle_of(solver, self%last, part)
         ! Not longer than this try: where the branch ends, short steps may lead far away, again and again.
         self%size = max(min(part*self%last%length, self%size), smallest_step)
         call restore(solver, before)
       else
         if (kept%is_next(tries%failures)) exit
+        if (.not. kept%is_known) then
+          if (ends_in_mean(self, solver)) return
+        end if
         call shorten(self, solver%report%converged .and. is_near(distance), tries)
         call restore(solver, before)
         if (self%size < given_up .and. kept%is_known) exit
@@ -262,6 +273,20 @@ contains
       tries%peaks = tries%peaks + 1
     end if
   end function part_to_solve
+
+  !> Does the branch end at the present point, a step from there having failed? It does if it turns into mean positions, and if the
+  !> drawn curve would not show what that step could find.
+  logical function ends_in_mean(self, solver)
+    class(stepper_type), intent(in) :: self
+    !> Solver of points: its balance
+    type(solver_type), intent(in) :: solver
+
+    ends_in_mean = solver%context%balance%free%leaves_motion .and. self%here%is_known() .and. self%turns_into_mean
+    if (.not. ends_in_mean .or. self%tangent%share < mean_share) return
+    associate (shown => self%here%amplitude_rate/max(self%largest, tiny(1.0_wp)))
+      ends_in_mean = self%size*max(maxval(abs(shown)), abs(self%tangent%omega)/self%tangent%share) < self%tolerance
+    end associate
+  end function ends_in_mean
 
   !> A try has failed: halve the step.
   subroutine shorten(self, runs_back, tries)
@@ -410,6 +435,15 @@ contains
     if (is_drifting) self%drifting = 0
   end function is_drifting
 
+  !> Points of the branch that lie ahead are known: the next ones are expected there.
+  pure subroutine take_ahead(self, predictor)
+    class(stepper_type), intent(inout) :: self
+    !> It has them
+    type(predictor_type), intent(in) :: predictor
+
+    self%predictor = predictor
+  end subroutine take_ahead
+
   !> The direction back from the present point.
   function tangent_backwards(self, solver) result(towards)
     class(stepper_type), intent(in) :: self
@@ -480,5 +514,6 @@ contains
     call self%predictor%keep(store)
     call self%secant%keep(store)
     call store%keep(self%drifting)
+    call store%keep(self%turns_into_mean)
   end subroutine keep
 end module attrito_continuation_stepper

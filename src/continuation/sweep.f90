@@ -3,7 +3,8 @@
 !> If no step along the branch converges, if the branch ends, closes upon itself or runs back over the start, the sweep looks for
 !> another one from the static solution, at frequencies beyond those that it has reached, farther and farther away, and only at its
 !> stop at any cost. What it finds is followed back to where it ends, in silence, and from there on point by point, as a branch with
-!> a number of its own. A sweep that follows a single branch ends with it, one that looks for a gap at what is not solved.
+!> a number of its own; points are expected where they were found on the way back. A sweep that follows a single branch ends with it,
+!> one that looks for a gap at what is not solved.
 module attrito_continuation_sweep
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
@@ -13,6 +14,7 @@ module attrito_continuation_sweep
   use attrito_continuation_stored_points, only: stored_points_type
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
+  use attrito_continuation_predictor, only: predictor_type
   use attrito_continuation_range, only: range_type
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_step, only: step_type
@@ -44,6 +46,8 @@ module attrito_continuation_sweep
     logical :: to_gap = .false.
     !> Does it follow one branch only, from the solver's point when it began, and end where that is lost?
     logical, private :: one_branch = .false.
+    !> Is it a way back, points of which are kept beside it? Contacts stay on their ranks then
+    logical, private :: in_silence = .false.
     !> Is the solver on a branch, and what is the first point of that? Steps since then
     logical, private :: on_branch = .false.
     type(stored_points_type), private :: start
@@ -123,7 +127,7 @@ contains
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
-    if (self%points > 0) call self%stepper%share_out(solver)
+    if (self%points > 0 .and. .not. self%in_silence) call self%stepper%share_out(solver)
     if (self%points == 0 .and. self%one_branch) then
       call begin_here(self, solver)
     else if (self%points == 0) then
@@ -260,6 +264,7 @@ contains
     type(sweep_type) :: back
     type(snapshot_type) :: last
     type(tangent_type) :: onward
+    type(predictor_type) :: found
     real(wp) :: reach
     integer :: iterations
 
@@ -267,12 +272,14 @@ contains
     back = new_branch_sweep(solver, self%range%start, self%range%stop, frequency_tangent(solver, -self%stepper%direction), &
                             self%branch, most_back)
     back%stepper%tolerance = self%stepper%tolerance
+    back%in_silence = .true.
     last = snapshot_of(solver)
     iterations = 0
     do while (.not. back%finished)
       call back%advance(solver)
       iterations = iterations + solver%report%iterations
       if (.not. solver%report%converged) exit
+      if (back%points > 1) call found%put_ahead(last%motion, last%omega)
       call last%take(solver)
       if (back%points > 1 .and. is_same(solver, lost, back%stepper%last%from%omega)) exit
     end do
@@ -280,6 +287,7 @@ contains
       onward = back%stepper%tangent_backwards(solver)
       call self%stepper%begin(sign(1.0_wp, onward%omega))
       self%stepper%tangent = onward
+      call self%stepper%take_ahead(found)
       self%finished = .false.
       self%reached_stop = .false.
     end if

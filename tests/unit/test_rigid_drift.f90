@@ -2,7 +2,8 @@
 program test_rigid_drift
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_solve_rigid_drift, only: steps_repeat, repeated_means_type, moves_mean_alone, alike_in_mean, mean_share
+  use attrito_solve_rigid_drift, only: steps_repeat, repeated_means_type, moves_mean_alone, turns_into_mean, alike_in_mean, &
+                                         mean_share
   use testing, only: test, run_suite, check
   implicit none
 
@@ -17,7 +18,8 @@ program test_rigid_drift
                 test('means that come nearer to a limit are of a body that is held', held), &
                 test('only the last steps of the mean count', last_steps), &
                 test('rounding of a body that is far away is no drift', far_away), &
-                test('along a branch less has to change where a contact holds', along_branch)], quiet=.false.) > 0) then
+                test('along a branch less has to change where a contact holds', along_branch), &
+                test('a branch turns into the mean by a step, not by being soft all along', into_mean)], quiet=.false.) > 0) then
     error stop 1
   end if
 
@@ -110,4 +112,14 @@ contains
     call check(error, moves_mean_alone(0.9_wp*mean_share, is_free=.false.), 'one holds, the mean alone changes')
     call check(error,.not. moves_mean_alone(0.9_wp, is_free=.true.), 'no contact holds, the motion changes')
   end subroutine along_branch
+
+  subroutine into_mean(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call check(error, turns_into_mean(0.9_wp, 0.099_wp), 'from harmonics to the mean')
+    call check(error,.not. turns_into_mean(0.9_wp, 0.101_wp), 'a tenth is harmonics')
+    call check(error, turns_into_mean(0.04_wp, 0.019_wp), 'half of what it was')
+    call check(error,.not. turns_into_mean(0.04_wp, 0.021_wp), 'more than half')
+    call check(error,.not. turns_into_mean(0.02_wp, 0.05_wp), 'out of the mean')
+  end subroutine into_mean
 end program test_rigid_drift
