@@ -13,8 +13,8 @@ from attrito.support.version import __version__
 
 MATRICES = ("matrix-market", "matlab", "dmig", "abaqus")
 # Commands whose job can be given other values, and those that say what they do
-SETTABLE = ("reduce", "run", "peak", "mode", "integrate", "study")
-TALKING = (*SETTABLE, "linear-modes", "campbell")
+TALKING = ("reduce", "run", "peak", "mode", "integrate", "study", "linear-modes", "campbell")
+SETTABLE = (*TALKING, "chart", "fit", "optimise")
 # Set by a shell that asks for completions
 COMPLETING = "_ARGCOMPLETE"
 Parsers = argparse._SubParsersAction

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import shlex
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -15,6 +16,9 @@ from typing import TYPE_CHECKING
 from attrito.support.errors import Fault, InputError
 
 if TYPE_CHECKING:
+    from attrito.fits.design import Fit
+    from attrito.job.job import Job
+    from attrito.optima.design import Optimum
     from attrito.studies.design import Study
 
 
@@ -72,13 +76,16 @@ def chart(options: argparse.Namespace) -> None:
     from attrito.support.overwrite_check import check_spared
 
     picture_path = str(Path(options.output).with_suffix(".png"))
-    jobs = [read_job(path, excited=not options.mode) for path in (options.job, *(options.contacts or []))]
-    check_spared("chart", "-o", [options.output, picture_path], [file for job in jobs for file in files_read(job)])
+    job = read_job(options.job, excited=not options.mode, settings=options.set)
+    others = [read_job(path) for path in options.contacts or []]
+    check_spared(
+        "chart", "-o", [options.output, picture_path], [file for one in (job, *others) for file in files_read(one)]
+    )
     with writing_alone(MPI.COMM_SELF, options.output, makes_folder=False):
-        _chart(options, picture_path)
+        _chart(options, job, picture_path)
 
 
-def _chart(options: argparse.Namespace, picture_path: str) -> None:
+def _chart(options: argparse.Namespace, job: Job, picture_path: str) -> None:
     from attrito.charts.contacts import chart_contacts
     from attrito.charts.file import Chart, table, write
     from attrito.charts.modes import chart_mode
@@ -91,12 +98,13 @@ def _chart(options: argparse.Namespace, picture_path: str) -> None:
 
     def keep(chart: Chart) -> None:
         """Write what there is: a chart that is ended can be read and drawn."""
-        write(chart, options.output, str(Path(options.job).resolve()))
+        given = "".join(f" --set {shlex.quote(setting)}" for setting in options.set)
+        write(chart, options.output, f"{Path(options.job).resolve()}{given}")
 
     if options.contacts is not None:
-        found = chart_contacts(options.job, options.contacts, say)
+        found = chart_contacts(job, options.contacts, say)
     else:
-        found = (chart_mode if options.mode else chart_job)(options.job, options.seconds, say, keep)
+        found = (chart_mode if options.mode else chart_job)(job, options.seconds, say, keep)
     keep(found)
     save(picture(found), picture_path)
     sys.stdout.write(table(found))
@@ -118,7 +126,7 @@ def linear_modes(options: argparse.Namespace) -> None:
 
     from attrito.modes.linear import linear_modes_job
 
-    linear_modes_job(MPI.COMM_WORLD, options.job, options.state, options.count)
+    linear_modes_job(MPI.COMM_WORLD, _job(options, excited=False), options.state, options.count)
 
 
 def campbell(options: argparse.Namespace) -> None:
@@ -128,7 +136,7 @@ def campbell(options: argparse.Namespace) -> None:
     from attrito.modes.campbell import campbell_job
 
     _check_output(options)
-    campbell_job(MPI.COMM_WORLD, options.job, options.output)
+    campbell_job(MPI.COMM_WORLD, _job(options, excited=False), options.output)
 
 
 def mode(options: argparse.Namespace) -> None:
@@ -145,18 +153,13 @@ def study(options: argparse.Namespace) -> None:
     """The peaks of a job for many values of its keys -> HDF5 and picture."""
     from mpi4py import MPI
 
-    from attrito.studies.run import run_study
-
-    if not options.set:
-        run_study(MPI.COMM_WORLD, options.study)
-        return
-    from attrito.job.reading import read_job
     from attrito.studies.design import read_study
+    from attrito.studies.run import run_study
     from attrito.support.parallel import on_root
 
     def read() -> Study:
         found = read_study(options.study)
-        return replace(found, job=read_job(found.job, excited=found.is_excited, settings=options.set))
+        return replace(found, job=_set_in(options, found.job, found.is_excited))
 
     run_study(MPI.COMM_WORLD, on_root(MPI.COMM_WORLD, read))
 
@@ -165,30 +168,48 @@ def fit(options: argparse.Namespace) -> None:
     """Parameters of a job from measured responses and backbones -> HDF5 and picture."""
     from mpi4py import MPI
 
+    from attrito.fits.design import read_fit
     from attrito.fits.run import run_fit
+    from attrito.support.parallel import on_root
 
-    run_fit(MPI.COMM_WORLD, options.fit)
+    def read() -> Fit:
+        found = read_fit(options.fit)
+        return replace(
+            found, data=tuple(replace(one, job=_set_in(options, one.job, one.is_excited)) for one in found.data)
+        )
+
+    run_fit(MPI.COMM_WORLD, on_root(MPI.COMM_WORLD, read))
 
 
 def optimise(options: argparse.Namespace) -> None:
     """Values of a job's keys at which its largest peak is least -> HDF5."""
     from mpi4py import MPI
 
+    from attrito.optima.design import read_optimum
     from attrito.optima.run import run_optimum
-
-    run_optimum(MPI.COMM_WORLD, options.optimum)
-
-
-def _job(options: argparse.Namespace, excited: bool = True):
-    """The job file, or with `--set` the job that its values make."""
-    if not options.set:
-        return options.job
-    from mpi4py import MPI
-
-    from attrito.job.reading import read_job
     from attrito.support.parallel import on_root
 
-    return on_root(MPI.COMM_WORLD, lambda: read_job(options.job, excited=excited, settings=options.set))
+    def read() -> Optimum:
+        found = read_optimum(options.optimum)
+        return replace(found, job=_set_in(options, found.job))
+
+    run_optimum(MPI.COMM_WORLD, on_root(MPI.COMM_WORLD, read))
+
+
+def _job(options: argparse.Namespace, excited: bool = True) -> str | Job:
+    """The job file, or with `--set` the job that its values make."""
+    from mpi4py import MPI
+
+    from attrito.support.parallel import on_root
+
+    return on_root(MPI.COMM_WORLD, lambda: _set_in(options, options.job, excited)) if options.set else options.job
+
+
+def _set_in(options: argparse.Namespace, job: str, excited: bool = True) -> str | Job:
+    """A job file, or with `--set` the job that its values make; on the root."""
+    from attrito.job.reading import read_job
+
+    return read_job(job, excited=excited, settings=options.set) if options.set else job
 
 
 def _check_output(options: argparse.Namespace) -> None:
