@@ -241,7 +241,7 @@ def test_only_coordinates_that_move_are_listed_as_modes(tmp_path, capfd):
     write_job(tmp_path, sector_on_axis(5, 2))
     done = attrito_here(tmp_path, capfd, "linear-modes", "job.toml", "--state", "stuck", "--count", "100")
     assert done.returncode == 0, done.stderr
-    listed = [row["nodal_diameter"] for row in table(tmp_path, result="result.modes.h5")]
+    listed = [row["nodal_diameter"] for row in table(tmp_path, result="result.stuck.modes.h5")]
     assert [listed.count(number) for number in "012"] == [4, 4, 3]
 
 

@@ -98,7 +98,7 @@ def test_linear_modes_of_each_nodal_diameter_are_those_of_the_sparse_sector(tmp_
     done = attrito(tmp_path, "linear-modes", name, "--state", "stuck", "--count", "4")
     assert done.returncode == 0, done.stderr
     assert "nodal diameter 3: " in done.stdout
-    rows = table(tmp_path, result="result.modes.h5")
+    rows = table(tmp_path, result="result.stuck.modes.h5")
     for number in range(4):
         found = [float(row["frequency_hz"]) for row in rows if row["nodal_diameter"] == str(number)]
         expected = wheel_frequencies(scene, number, 4, stuck=True)

@@ -87,7 +87,7 @@ def check_listed(folder, job, scene, diameters, rigid):
     """`attrito linear-modes` of the reduced sector: from above, and what 200 modes inside leave out."""
     done = attrito(folder, "linear-modes", job, "--state", "frictionless", "--count", "5")
     assert done.returncode == 0, done.stderr
-    rows = table(folder, result="result.modes.h5")
+    rows = table(folder, result="result.frictionless.modes.h5")
     for number in diameters:
         own = [row for row in rows if row["nodal_diameter"] == str(number)]
         assert [row["kind"] for row in own] == ["rigid"] * rigid[number] + ["elastic"] * (5 - rigid[number])

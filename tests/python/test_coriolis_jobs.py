@@ -63,7 +63,7 @@ def modes_of(folder, capfd, job, *options):
     done = attrito_here(folder, capfd, "linear-modes", write_job(folder, job), "--state", "stuck", *options)
     assert done.returncode == 0, done.stderr
     found = {}
-    for row in table(folder, result="result.modes.h5"):
+    for row in table(folder, result="result.stuck.modes.h5"):
         found.setdefault(int(row["nodal_diameter"]), []).append(float(row["frequency_hz"]))
     return found
 

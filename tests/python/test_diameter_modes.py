@@ -158,7 +158,7 @@ def test_the_command_lists_the_lowest_modes_of_each_nodal_diameter(tmp_path, cap
     name = write_job(tmp_path, job)
     done = attrito_here(tmp_path, capfd, "linear-modes", name, "--state", "stuck", "--count", "2")
     assert done.returncode == 0, done.stderr
-    rows = table(tmp_path, result="result.modes.h5")
+    rows = table(tmp_path, result="result.stuck.modes.h5")
     assert list(rows[0]) == [
         "mode",
         "nodal_diameter",
@@ -198,12 +198,12 @@ def test_a_mode_drawn_on_the_whole_ring_is_a_mode_of_it(tmp_path, capfd):
     del job["contact_set"], job["load"], job["sweep"]
     done = attrito_here(tmp_path, capfd, "linear-modes", write_job(tmp_path, job), "--state", "stuck", "--count", "4")
     assert done.returncode == 0, done.stderr
-    with h5py.File(tmp_path / "result.modes.h5") as file:
+    with h5py.File(tmp_path / "result.stuck.modes.h5") as file:
         mode = int(np.flatnonzero(file["points/nodal_diameter"][:] == number)[2]) + 1
         omega = 2.0 * np.pi * file["points/frequency_hz"][mode - 1]
-    done = attrito_here(tmp_path, capfd, "export", "result.modes.h5", "--mode", str(mode), "--wheel")
+    done = attrito_here(tmp_path, capfd, "export", "result.stuck.modes.h5", "--mode", str(mode), "--wheel")
     assert done.returncode == 0, done.stderr
-    mesh = meshio.read(tmp_path / "result.modes.shape.vtu")
+    mesh = meshio.read(tmp_path / "result.stuck.modes.shape.vtu")
 
     stiffness = whole.stiffness.toarray()
     place = model.coordinates[np.flatnonzero(model.node_ids == rim)[0]]
@@ -228,9 +228,9 @@ def test_a_mode_drawn_on_the_whole_ring_is_a_mode_of_it(tmp_path, capfd):
             omega**2 * (whole.mass @ shape), abs=1e-9 * np.abs(stiffness).max() * np.abs(shape).max()
         )
     # One sector alone has the same fields.
-    done = attrito_here(tmp_path, capfd, "export", "result.modes.h5", "--mode", str(mode))
+    done = attrito_here(tmp_path, capfd, "export", "result.stuck.modes.h5", "--mode", str(mode))
     assert done.returncode == 0, done.stderr
-    one = meshio.read(tmp_path / "result.modes.shape.vtu")
+    one = meshio.read(tmp_path / "result.stuck.modes.shape.vtu")
     count = len(one.points)
     for name in ("cosine", "sine", "amplitude"):
         assert one.point_data[name] == pytest.approx(mesh.point_data[name][:count], abs=1e-12)

@@ -51,7 +51,7 @@ def modes(tmp_path_factory):
 def prepared(folder, capfd):
     done = attrito_here(folder, capfd, "linear-modes", "job.toml", "--state", "stuck")
     assert done.returncode == 0, done.stderr
-    return folder / "result.modes.h5"
+    return folder / "result.stuck.modes.h5"
 
 
 def test_without_a_speed_the_job_s_engine_order_is_drawn_where_it_is_critical(modes, capfd):
@@ -64,15 +64,15 @@ def test_without_a_speed_the_job_s_engine_order_is_drawn_where_it_is_critical(mo
 
 def test_the_diagram_shows_all_modes_the_line_and_what_it_meets(modes, capfd, written):
     prepared(modes, capfd)
-    done = attrito_here(modes, capfd, "plot", "result.modes.h5", "--dpi", "50")
-    assert done.returncode == 0 and done.stdout.strip() == "result.modes.diameters.png", done.stderr
+    done = attrito_here(modes, capfd, "plot", "result.stuck.modes.h5", "--dpi", "50")
+    assert done.returncode == 0 and done.stdout.strip() == "result.stuck.modes.diameters.png", done.stderr
     (figure,) = written
     (axes,) = figure.axes
     assert axes.get_xlabel() == "Nodal diameter" and axes.get_ylabel() == "Frequency (Hz)"
     lines = {line.get_label(): line for line in axes.get_lines()}
     assert "modes, stuck" in lines and any("where engine order 2 is critical" in label for label in lines)
     circles = next(line for label, line in lines.items() if label.startswith("within"))
-    with Result(modes / "result.modes.h5") as result:
+    with Result(modes / "result.stuck.modes.h5") as result:
         first = result.array("/points/frequency_hz")[result.array("/points/nodal_diameter") == 2].min()
     assert (2, pytest.approx(first)) in list(zip(*circles.get_data(), strict=True))
     assert "2" in [text.get_text() for text in axes.texts]

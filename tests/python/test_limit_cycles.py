@@ -202,7 +202,7 @@ def test_a_ratio_of_each_mode_is_the_viscous_damping_that_has_them(tmp_path):
             linear = job | {"model": job["model"] | {"damping": matrix}}
         done = attrito(tmp_path / folder, "linear-modes", write_job(tmp_path / folder, linear), "--state", "stuck")
         assert done.returncode == 0, done.stderr
-        rows = table(tmp_path / folder, result="result.modes.h5")
+        rows = table(tmp_path / folder, result="result.stuck.modes.h5")
         expected = [*RATIOS, *[RATIOS[-1]] * (len(rows) - len(RATIOS))]
         assert [float(row["damping_ratio"]) for row in rows] == pytest.approx(expected, rel=1e-9)
 

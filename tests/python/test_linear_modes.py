@@ -52,19 +52,30 @@ EXPECTED = {
     "tangent": natural(1.3e5, 1.5e5, 1.0e5, 1.0e5),
 }
 
+FILES = {state: "result.modes.h5" if state == "tangent" else f"result.{state}.modes.h5" for state in EXPECTED}
+
 
 @pytest.mark.parametrize("state", STATES)
 def test_modes_of_two_masses_have_the_springs_of_their_reference_alone(tmp_path, state):
     done = attrito(tmp_path, "linear-modes", write_job(tmp_path, two_masses()), "--state", state)
     assert done.returncode == 0, done.stderr
-    rows = table(tmp_path, result="result.modes.h5")
+    rows = table(tmp_path, result=FILES[state])
     assert [float(row["frequency_hz"]) for row in rows] == pytest.approx(EXPECTED[state], rel=1e-11)
     assert [row["mode"] for row in rows] == ["1", "2", "3", "4"]
     assert {row["kind"] for row in rows} == {"elastic"}
-    with h5py.File(tmp_path / "result.modes.h5") as file:
+    with h5py.File(tmp_path / FILES[state]) as file:
         assert file["closed"][:].tolist() == [1, 0]
         shapes = file["points/coordinates"][:, :, 1]
         assert 2.0 * shapes @ shapes.T == pytest.approx(np.eye(4), abs=1e-12)
+
+
+def test_modes_of_one_state_do_not_replace_those_of_another(tmp_path):
+    job = write_job(tmp_path, two_masses())
+    for state in STATES:
+        assert attrito(tmp_path, "linear-modes", job, "--state", state).returncode == 0
+    for state in STATES:
+        rows = table(tmp_path, result=FILES[state])
+        assert [float(row["frequency_hz"]) for row in rows] == pytest.approx(EXPECTED[state], rel=1e-11)
 
 
 def test_a_ratio_damps_tangent_modes_by_the_matrix_that_the_stuck_modes_make_of_it(tmp_path):
@@ -117,7 +128,7 @@ def test_rigid_body_modes_of_a_body_that_nothing_but_friction_holds_are_named_as
         assert file["linear/frictionless/natural_hz"][:] == pytest.approx(natural(1.5e5, 1.0e5, 1.5e5), rel=1e-12)
         assert file["linear/tangent"].attrs["rigid_body_modes"] == 0
     attrito(tmp_path, "linear-modes", "job.toml", "--state", "frictionless")
-    rows = table(tmp_path, result="result.modes.h5")
+    rows = table(tmp_path, result=FILES["frictionless"])
     assert [row["kind"] for row in rows] == ["rigid", "elastic", "elastic", "elastic"]
     assert float(rows[0]["frequency_hz"]) < 1e-4 and float(rows[0]["damping_ratio"]) == 0.0
 
@@ -171,14 +182,14 @@ def test_the_shape_of_a_mode_is_exported_on_the_nodes_with_unit_modal_mass(tmp_p
     del job["sweep"]
     del job["output"]["monitors"]
     assert attrito(tmp_path, "linear-modes", write_job(tmp_path, job), "--state", "stuck").returncode == 0
-    done = attrito(tmp_path, "export", "result.modes.h5", "--mode", "2", "-o", "mode.vtu")
+    done = attrito(tmp_path, "export", FILES["stuck"], "--mode", "2", "-o", "mode.vtu")
     assert done.returncode == 0, done.stderr
     shape = meshio.read(tmp_path / "mode.vtu").point_data["shape"]
     row = np.searchsorted(np.sort(model.node_ids), model.dof_node)
     vector = shape[np.argsort(model.node_ids)[row], model.dof_direction - 1]
     assert vector @ model.mass @ vector == pytest.approx(1.0, rel=1e-9)
     contacts = build_scene(read_job(tmp_path / "job.toml", excited=False)).contacts
-    omega = 2 * np.pi * float(table(tmp_path, result="result.modes.h5")[1]["frequency_hz"])
+    omega = 2 * np.pi * float(table(tmp_path, result=FILES["stuck"])[1]["frequency_hz"])
     # Rayleigh's quotient of the recovered shape, in full coordinates; stiffness 1e6 per area, per pair's area.
     areas = contacts.places["area"]
     energy = vector @ model.stiffness @ vector + 1.0e6 * np.repeat(areas, 3) @ (contacts.rows @ vector) ** 2

@@ -51,7 +51,7 @@ def test_the_squares_of_all_natural_frequencies_are_raised_alike_and_rigid_body_
     done = attrito(tmp_path, "linear-modes", write_job(tmp_path, joint()), "--state", "stuck")
     assert done.returncode == 0, done.stderr
     assert "(and 1 rigid-body mode)" in done.stdout
-    found = [float(row["frequency_hz"]) for row in table(tmp_path, result="result.modes.h5")]
+    found = [float(row["frequency_hz"]) for row in table(tmp_path, result="result.stuck.modes.h5")]
     free = np.maximum(eigh(STUCK, MASS, eigvals_only=True), 0.0)
     assert found == pytest.approx(np.sqrt(free / (2.0 * np.pi) ** 2 + 0.5**2), rel=1e-9)
 

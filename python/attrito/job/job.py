@@ -63,9 +63,10 @@ def peak_path(job: Job) -> str:
     return str(Path(job.file(job["output"]["file"])).with_suffix(".peaks.h5"))
 
 
-def linear_modes_path(job: Job) -> str:
-    """Where linear modes of a job go."""
-    return str(Path(job.file(job["output"]["file"])).with_suffix(".modes.h5"))
+def linear_modes_path(job: Job, state: str) -> str:
+    """Where linear modes of a job go, contacts being in one of `REFERENCES`: a file for each."""
+    ending = ".modes.h5" if state == "tangent" else f".{state}.modes.h5"
+    return str(Path(job.file(job["output"]["file"])).with_suffix(ending))
 
 
 def campbell_path(job: Job) -> str:

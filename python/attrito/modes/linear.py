@@ -53,7 +53,7 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
     job = on_root(comm, lambda: _checked(read_job(path, excited=False)))
     on_root(comm, lambda: refuse_for_sectors(job, "modes"))
     scene = on_root_only(comm, lambda: build_scene(job))
-    file = linear_modes_path(job)
+    file = linear_modes_path(job, state)
     with writing_alone(comm, file):
         prepared = prepare(comm, job, scene, progress)
         with solver_at_rest(comm, job, prepared, progress) as solver:
