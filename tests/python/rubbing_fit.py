@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from jobs import Job, toml, wedge
+from jobs import Job, run, table, toml, wedge, write_job
 
 STIFFNESS, FRICTION = 3.0e5, 0.5
 FREQUENCIES = np.linspace(110.0, 140.0, 9).tolist()
@@ -36,3 +36,15 @@ def write_fit(folder: Path, **keys: object) -> str:
     } | keys
     (folder / "fit.toml").write_text(toml(given))
     return str(folder / "fit.toml")
+
+
+def measured(folder: Path, job: Job, noise: float = 0.0, monitor: str = "x") -> None:
+    """The job's own response as a measurement."""
+    write_job(folder, job)
+    run(folder, job)
+    random = np.random.default_rng(7)
+    with open(folder / "measured.csv", "w") as stream:
+        stream.write(f"# made by a test\nfrequency_hz,{monitor}_amplitude\n")
+        for row in table(folder):
+            factor = np.exp(noise * random.standard_normal())
+            stream.write(f"{row['frequency_hz']},{factor * float(row[f'{monitor}_amplitude']):.15g}\n")

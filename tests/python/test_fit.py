@@ -9,9 +9,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from jobs import Job, attrito, attrito_here, run, table, write_job
+from jobs import Job, attrito, attrito_here, table, write_job
 from mpi4py import MPI
-from rubbing_fit import FRICTION, KEYS, STIFFNESS, rubbing, write_fit
+from rubbing_fit import FRICTION, KEYS, STIFFNESS, measured, rubbing, write_fit
 from scipy.stats import t
 from wheels import lumped_sector
 
@@ -22,18 +22,6 @@ from attrito.fits.solution import Solution
 from attrito.job.reading import read_job
 from attrito.runs.progress import Progress
 from attrito.support.errors import InputError
-
-
-def measured(folder: Path, job: Job, noise: float = 0.0, monitor: str = "x") -> None:
-    """The job's own response as a measurement."""
-    write_job(folder, job)
-    run(folder, job)
-    random = np.random.default_rng(7)
-    with open(folder / "measured.csv", "w") as stream:
-        stream.write(f"# made by a test\nfrequency_hz,{monitor}_amplitude\n")
-        for row in table(folder):
-            factor = np.exp(noise * random.standard_normal())
-            stream.write(f"{row['frequency_hz']},{factor * float(row[f'{monitor}_amplitude']):.15g}\n")
 
 
 def test_intervals_of_a_linear_model_are_those_of_the_book() -> None:

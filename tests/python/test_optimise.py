@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
-from jobs import Job, attrito_here, table, toml, write_job
+from jobs import attrito_here, table, write_job
 from mpi4py import MPI
+from wedge_optimum import PRELOAD, wedge_peak, write_optimum
 
 from attrito.job.reading import read_job
 from attrito.optima.design import read_optimum
@@ -17,28 +17,6 @@ from attrito.optima.run import _Peaks, run_optimum
 from attrito.optima.search import least
 from attrito.runs.progress import Progress
 from attrito.support.errors import InputError
-
-PRELOAD = 420.0
-
-
-def wedge_peak() -> Job:
-    """The wedge under 1 N, the peak in its level."""
-    job = tomllib.loads((Path(__file__).resolve().parents[2] / "input" / "wedge_peak.toml").read_text())
-    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-12}
-    job["output"]["file"] = "result.h5"
-    return job
-
-
-def write_optimum(folder: Path, **keys: object) -> str:
-    """The preload from 5 to 100 times the force."""
-    given = {
-        "job": "job.toml",
-        "parameter": [
-            {"name": "preload", "keys": ["static.load_path[1]"], "low": 5.0 / PRELOAD, "high": 100.0 / PRELOAD}
-        ],
-    } | keys
-    (folder / "optimum.toml").write_text(toml(given))
-    return str(folder / "optimum.toml")
 
 
 def test_the_optimum_of_the_paper_is_found_in_at_most_fifteen_samples(

@@ -7,9 +7,8 @@ import argparse
 import h5py
 import pytest
 from jobs import attrito_here, wedge, write_job
-from rubbing_fit import FRICTION, rubbing, write_fit
-from test_fit import measured
-from test_optimise import wedge_peak, write_optimum
+from rubbing_fit import FRICTION, measured, rubbing, write_fit
+from wedge_optimum import wedge_peak, write_optimum
 
 from attrito.cli.arguments import parser
 

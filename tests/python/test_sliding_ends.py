@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from jobs import Job, run, table
-from test_drifting_modes import rocking_block
+from rocking_block import rocking_block
 
 START, STOP = 160.0, 240.0
 
