@@ -123,7 +123,7 @@ contains
     if (any(resolution /= [solver%options%harmonics, solver%options%samples])) call sweep%look_here(solver)
   end subroutine advance
 
-  !> Once several points in a row ask for less than half, solve the last of them again on that, in its own plane; back to what it was
+  !> Once several points in a row ask for so little, solve the last of them again on that, in its own plane; back to what it was
   !> if its error then is not accepted.
   subroutine coarsen(self, solver)
     class(error_control_type), intent(inout) :: self

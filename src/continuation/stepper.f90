@@ -51,7 +51,7 @@ module attrito_continuation_stepper
     real(wp) :: direction = 1.0_wp
     !> The last step that was accepted
     type(step_type) :: last
-    !> Has the last step turned it into mean positions?
+    !> Has the last step turned the branch into mean positions?
     logical, private :: turns_into_mean = .false.
     !> Tangent at the present point once it is looked at, before that at the point before; does the frequency turn between?
     type(tangent_type) :: tangent

@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -49,14 +49,14 @@ class _Swept:
 
 
 def chart_contacts(
-    path: str | Job, others: list[str] | None = None, say: Callable[[str], None] = lambda _: None
+    path: str | Job, others: Sequence[str | Job] = (), say: Callable[[str], None] = lambda _: None
 ) -> Chart:
     """Chart the contacts of a job, on one process.
 
     Parameters
     ----------
     path : the job file, or the job
-    others : files of jobs of the same structure on other meshes; the last one's peak is the reference
+    others : jobs, or files of them, of the same structure on other meshes; the last one's peak is the reference
     say : receives what is done, a line each
 
     Raises
@@ -67,7 +67,7 @@ def chart_contacts(
     from mpi4py import MPI
 
     job = path if isinstance(path, Job) else read_job(path)
-    jobs = [read_job(other) for other in others or []]
+    jobs = [read_job(other) for other in others]
     variants = [*_variants(job), *((Path(other.path).stem, "meshes", other) for other in jobs)]
     if len(variants) < 2:
         raise InputError(job.fault("contact_set", "no pairing", 'a contact set with pairing = "face", or another job'))

@@ -76,16 +76,14 @@ def chart(options: argparse.Namespace) -> None:
     from attrito.support.overwrite_check import check_spared
 
     picture_path = str(Path(options.output).with_suffix(".png"))
-    job = read_job(options.job, excited=not options.mode, settings=options.set)
-    others = [read_job(path) for path in options.contacts or []]
-    check_spared(
-        "chart", "-o", [options.output, picture_path], [file for one in (job, *others) for file in files_read(one)]
-    )
+    paths = (options.job, *(options.contacts or []))
+    jobs = [read_job(path, excited=not options.mode, settings=options.set) for path in paths]
+    check_spared("chart", "-o", [options.output, picture_path], [file for job in jobs for file in files_read(job)])
     with writing_alone(MPI.COMM_SELF, options.output, makes_folder=False):
-        _chart(options, job, picture_path)
+        _chart(options, *jobs, picture_path=picture_path)
 
 
-def _chart(options: argparse.Namespace, job: Job, picture_path: str) -> None:
+def _chart(options: argparse.Namespace, job: Job, *others: Job, picture_path: str) -> None:
     from attrito.charts.contacts import chart_contacts
     from attrito.charts.file import Chart, table, write
     from attrito.charts.modes import chart_mode
@@ -102,7 +100,7 @@ def _chart(options: argparse.Namespace, job: Job, picture_path: str) -> None:
         write(chart, options.output, f"{Path(options.job).resolve()}{given}")
 
     if options.contacts is not None:
-        found = chart_contacts(job, options.contacts, say)
+        found = chart_contacts(job, others, say)
     else:
         found = (chart_mode if options.mode else chart_job)(job, options.seconds, say, keep)
     keep(found)
