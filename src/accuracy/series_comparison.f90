@@ -10,7 +10,8 @@ module attrito_accuracy_series_comparison
   private
   public :: patience, series_comparison_type
 
-  !> Points of a branch in a row that ask for fewer harmonics or samples before these fall, and that a comparison of two series holds for
+  !> Points of a branch in a row that ask for fewer harmonics or samples before these fall, and that a comparison of two series
+  !> holds for
   integer, parameter :: patience = 5 ! guess
   !> So many times what a comparison found of what was open is the error of the points that it holds for
   real(wp), parameter :: caution = 2.0_wp ! guess
