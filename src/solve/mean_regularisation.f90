@@ -1,5 +1,8 @@
 !> A body that friction alone holds: is it held, or does it drift? Springs on its mean position are relaxed, solve by solve
-!> (`attrito_solve_mean_springs`), until contacts hold the body without them, or the mean takes the same step every time.
+!> (`attrito_solve_mean_springs`), until contacts hold the body without them, or the springs carry the same force every time.
+!>
+!> Where few contacts hold, a step leaves 1 / (1 + s) of the way, s their stiffness by that of the springs, and eight steps may leave
+!> all but a tenth of it. After three steps the springs therefore soften tenfold with each, as long as Newton's method converges.
 module attrito_solve_mean_regularisation
   use attrito_core_kinds, only: wp
   use attrito_solve_sliders, only: none_holds
@@ -11,8 +14,10 @@ module attrito_solve_mean_regularisation
   private
   public :: can_regularise, solve_with_springs, find_drift
 
-  !> Steps at most
-  integer, parameter :: most_steps = 8 ! guess
+  !> Steps at most; those with springs as stiff as the first, by which a drift shows at once
+  integer, parameter :: most_steps = 10, steps_alike = 3 ! guess
+  !> Factor on their stiffness after each step from then on, since steps creep where contacts hardly hold
+  real(wp), parameter :: softer = 0.1_wp ! guess
 
 contains
 
@@ -25,24 +30,26 @@ contains
   end function can_regularise
 
   !> One solve with springs between the body and its present mean position.
-  subroutine solve_with_springs(solver, omega, early_stop)
+  subroutine solve_with_springs(solver, omega, early_stop, softening)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
     !> Give up after a few iterations of Newton's method; if not given, do not
     logical, intent(in), optional :: early_stop
+    !> Factor on the springs' stiffness; if not given, 1
+    real(wp), intent(in), optional :: softening
     logical :: has_springs
 
     solver%report%converged = .false.
-    call apply_springs(solver%context, solver%motion, solver%omega, has_springs)
+    call apply_springs(solver%context, solver%motion, solver%omega, has_springs, softening)
     if (.not. has_springs) return
     call solver%solve_at(omega, early_stop)
     call remove_springs(solver%context)
   end subroutine solve_with_springs
 
   !> From the present point relax the springs step by step: to a solution without springs; or to one with them where the body drifts,
-  !> which each step repeats without a contact that holds; or to neither.
+  !> whose force each step repeats without a contact that holds; or to neither.
   subroutine find_drift(solver, omega, early_stop, outcome)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -53,14 +60,24 @@ contains
     !> Counts iterations on; converged: to a solution without springs
     type(strategy_outcome_type), intent(inout) :: outcome
     type(repeated_means_type) :: means
+    real(wp) :: softening
+    logical :: gets_softer
     integer :: i
 
     outcome%converged = .false.
+    softening = 1.0_wp
+    gets_softer = .true.
     do i = 1, most_steps
-      call solve_with_springs(solver, omega, early_stop)
+      call solve_with_springs(solver, omega, early_stop, softening)
       outcome%iterations = outcome%iterations + solver%report%iterations
-      if (.not. solver%report%converged) return
-      call means%add(real(solver%context%balance%response(:, 0), wp))
+      if (.not. solver%report%converged) then
+        if (.not. gets_softer .or. softening >= 1.0_wp) return
+        gets_softer = .false.
+        softening = softening/softer
+        cycle
+      end if
+      call means%add(real(solver%context%balance%response(:, 0), wp), softening)
+      if (gets_softer .and. i >= steps_alike) softening = softer*softening
       if (none_holds(solver%context%balance)) then
         if (.not. means%do_repeat(alike_in_mean)) cycle
         outcome%evidence%is_drifting = solver%context%balance%free%leaves_motion

@@ -23,19 +23,24 @@ module attrito_solve_mean_springs
 contains
 
   !> Attach springs at the mean position of a motion.
-  subroutine apply_springs(context, motion, omega, has_springs)
+  subroutine apply_springs(context, motion, omega, has_springs, softening)
     !> What a Newton iteration works on: balance, constraint, linear solver
     type(newton_context_type), intent(inout) :: context
     !> Relative displacements [2 H + 1, rows], and angular frequency
     real(wp), intent(in) :: motion(:, :), omega
     !> .false.: the balance cannot be evaluated there
     logical, intent(out) :: has_springs
+    !> Factor on their stiffness, at most 1; if not given, 1
+    real(wp), intent(in), optional :: softening
+    real(wp) :: part
     integer :: status
 
+    part = stiffness
+    if (present(softening)) part = softening*stiffness
     call context%balance%evaluate(motion, omega, status)
     call context%forget()
     has_springs = status == 0
-    if (has_springs) call context%balance%apply_mean_springs(stiffness)
+    if (has_springs) call context%balance%apply_mean_springs(part)
   end subroutine apply_springs
 
   !> Without springs again.

@@ -22,6 +22,9 @@ module attrito_solve_newton_strategies
   !> Steps in a row that hardly reduce the residual before it is given up
   integer, parameter :: brief_patience = 3 ! guess
 
+  !> Factor on the iterations at most along an increment of static loads: if contacts have no gap, shorter ones are as hard
+  integer, parameter :: patience = 3 ! guess
+
   !> Solves with springs on the mean, relaxed in between
   integer, parameter :: most_regularised = 3 ! guess
   !> Iterations without such springs that follow
@@ -76,6 +79,7 @@ contains
     logical, intent(in) :: mean_is_fixed
     !> How the solve ended
     type(newton_report_type), intent(inout) :: report
+    type(newton_controls_type) :: to_the_end
     type(unknowns_type) :: start
     logical :: can_regularise, is_drifting
     integer :: iterations, linear_iterations
@@ -101,7 +105,9 @@ contains
       if (report%converged .or. is_drifting) return
       unknowns = start
     end if
-    call newton%solve(unknowns, constraint, controls, report)
+    to_the_end = controls
+    if (allocated(newton%context%balance%increment)) to_the_end%max_iterations = patience*controls%max_iterations
+    call newton%solve(unknowns, constraint, to_the_end, report)
     call count_on(report, iterations, linear_iterations)
     if (report%converged) return
     unknowns = start

@@ -13,7 +13,7 @@
 !> | x_k | m | alpha | beta | X | decides after |
 !> |---|---|---|---|---|---|
 !> | ends of the periods of a window of motion in time | 7 or more | 0.01 | errors of a period's steps | x_n | 3 windows in a row |
-!> | means of solutions with springs on them that are relaxed | 2 | 1e-3 | 1e-12 | x_n | the first time |
+!> | means of solutions with springs on them (steps times their stiffness) | 2 | 1e-3 | 1e-12 | x_n | the first time |
 !> | the same within one solve, only to end it early | 2 | 0.5 | 1e-12 | x_n | the first time |
 !> | points of a branch, by gamma: 0.5 where no contact holds, else 1e-3 | | | | | 6 steps in a row |
 !>
@@ -73,16 +73,19 @@ contains
   end function steps_repeat
 
   !> Add the mean of one more solution.
-  pure subroutine add(self, mean)
+  pure subroutine add(self, mean, softening)
     class(repeated_means_type), intent(inout) :: self
     !> Mean position [n]
     real(wp), intent(in) :: mean(:)
+    !> Factor on the stiffness of its springs: the force is the step times this; if not given, 1
+    real(wp), intent(in), optional :: softening
 
     if (self%count == 0) then
       allocate (self%steps(size(mean), 2), source=0.0_wp)
     else
       self%steps(:, 1) = self%steps(:, 2)
       self%steps(:, 2) = mean - self%mean
+      if (present(softening)) self%steps(:, 2) = softening*self%steps(:, 2)
     end if
     self%mean = mean
     self%count = self%count + 1

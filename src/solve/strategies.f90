@@ -97,7 +97,7 @@ contains
     type(search_type), intent(in) :: search
 
     is_tried = is_possible(strategy, solver)
-    if (is_tried .and. associated(strategy%is_worth_while)) is_tried = strategy%is_worth_while(solver, search%previous)
+    if (is_tried .and. associated(strategy%is_worth_while)) is_tried = strategy%is_worth_while(solver, search)
   end function is_tried
 
   !> Has a strategy that failed shown that there is nothing to find? Fewer are needed where the point before had no orbit either.

@@ -52,12 +52,12 @@ module attrito_solve_strategy_table
       type(solver_type), intent(in) :: solver
     end function is_possible_at
 
-    pure logical function is_worth_while_after(solver, previous)
-      import :: solver_type, evidence_type
+    pure logical function is_worth_while_after(solver, search)
+      import :: solver_type, search_type
       !> Solver of points: its motion, sliders, angular frequency and balance
       type(solver_type), intent(in) :: solver
-      !> Of the point before: where the body drifted, that is no solution
-      type(evidence_type), intent(in) :: previous
+      !> Of the point before, where the body may have drifted: that is no solution; and of this one so far
+      type(search_type), intent(in) :: search
     end function is_worth_while_after
 
     !> From the solver's present point. Where it fails the solver is left anywhere; where the body drifts, at the drifting motion.
@@ -85,7 +85,7 @@ contains
             strategy_type('mean_regularisation', &
                           path='the point before, with springs on the mean that are relaxed', &
                           condition='coupled; after a drift, or where there is no time integration', &
-                          cost='eight solves with springs, nine without', &
+                          cost='ten solves with springs, eleven without', &
                           drift_ends=.false., costs_little=.true., is_possible=can_regularise, &
                           is_worth_while=drift_is_likely, solve=relax_springs), &
             strategy_type('time_integration', &
@@ -95,9 +95,9 @@ contains
                           no_orbit_ends=.true., is_possible=has_time_integrator, solve=solve_from_means_in_time), &
             strategy_type('period_march', &
                           path='the point before; periods one by one, each from where the last has left sliders and mean', &
-                          condition='coupled; all contacts with two tangents; where there is no time integration', &
+                          condition='coupled; all contacts with two tangents; no drift found, no time integration', &
                           cost='64 periods, a solve of each', &
-                          is_possible=can_march_alone, solve=solve_by_march), &
+                          is_possible=can_march, is_worth_while=marches_alone, solve=solve_by_march), &
             strategy_type('regularised_level_homotopy', &
                           path='the static solution; the level of the loads in steps, with springs on the mean', &
                           condition='coupled', &
@@ -131,23 +131,23 @@ contains
   end function strategies
 
   !> Is there a strategy for which this one is given up early? From a motion that drifts it leads nowhere.
-  pure logical function another_follows(solver, previous)
+  pure logical function another_follows(solver, search)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> Of the point before
-    type(evidence_type), intent(in) :: previous
+    !> What is looked for, and what was found so far
+    type(search_type), intent(in) :: search
 
-    another_follows = .not. previous%is_drifting .and. (has_time_integrator(solver) .or. can_regularise(solver))
+    another_follows = .not. search%previous%is_drifting .and. (has_time_integrator(solver) .or. can_regularise(solver))
   end function another_follows
 
   !> Time integration finds drift by itself, and where a body is held it is faster.
-  pure logical function drift_is_likely(solver, previous)
+  pure logical function drift_is_likely(solver, search)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    !> Of the point before
-    type(evidence_type), intent(in) :: previous
+    !> What is looked for, and what was found so far
+    type(search_type), intent(in) :: search
 
-    drift_is_likely = previous%is_drifting .or. .not. has_time_integrator(solver)
+    drift_is_likely = search%previous%is_drifting .or. .not. has_time_integrator(solver)
   end function drift_is_likely
 
   subroutine solve_early_stop(solver, search)
@@ -190,13 +190,15 @@ contains
     call solve_from_time_integration(solver, search%omega, search%previous, search%outcome)
   end subroutine solve_from_means_in_time
 
-  !> Time integration shows a drift, too, for all contacts.
-  pure logical function can_march_alone(solver)
+  !> Time integration shows a drift, too, for all contacts; and one that is known needs no periods.
+  pure logical function marches_alone(solver, search)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
+    !> What is looked for, and what was found so far
+    type(search_type), intent(in) :: search
 
-    can_march_alone = can_march(solver) .and. .not. has_time_integrator(solver)
-  end function can_march_alone
+    marches_alone = .not. (has_time_integrator(solver) .or. search%outcome%evidence%is_drifting)
+  end function marches_alone
 
   subroutine solve_by_march(solver, search)
     !> Solver of points, which this moves

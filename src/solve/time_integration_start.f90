@@ -82,15 +82,18 @@ contains
     type(strategy_outcome_type), intent(inout) :: outcome
     type(periods_type) :: periods
     logical :: early_stop
+    real(wp) :: change
     integer :: attempt, drifting
 
     call start_integrator(solver, from_rest, outcome%converged)
     if (.not. outcome%converged) return
     drifting = 0
+    change = 0.0_wp
     do attempt = 1, attempts
       call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
       outcome%converged = .false.
       if (.not. periods%moved) exit
+      change = periods%change
       early_stop = modulo(attempt, full_attempt) /= 0 .or. outcome%evidence%is_drifting
       call solver%solve_at(omega, early_stop)
       outcome%iterations = outcome%iterations + solver%report%iterations
@@ -101,8 +104,8 @@ contains
       if (drifting == windows_in_a_row) outcome%evidence%is_drifting = .true.
       if (outcome%evidence%is_drifting .and. attempt >= attempts_lost) exit
     end do
-    outcome%evidence%no_periodic_solution = outcome%evidence%is_drifting &
-                                   .or. (.not. outcome%converged .and. periods%moved .and. periods%change > settled)
+    ! Where the steps of a window fail, those before it have shown whether the motion settles.
+    outcome%evidence%no_periodic_solution = outcome%evidence%is_drifting .or. (.not. outcome%converged .and. change > settled)
   end subroutine run_and_solve
 
   !> Numbers without the digits that depend on the order of sums over ranks: these would grow in motion that is unstable.

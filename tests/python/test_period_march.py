@@ -53,3 +53,23 @@ def test_a_mass_that_sticks_for_part_of_the_period_or_is_not_pushed_settles():
         point, expected = marched(push, level), marched(push, level, "newton")
         assert point.outcome == expected.outcome == "converged"
         assert point.amplitude == pytest.approx(expected.amplitude, rel=1e-8)
+
+
+def held_softly_too(push: float, stiffness: float, limit: float) -> ReducedScene:
+    """The same mass with a second contact, far softer than the first, of this limit."""
+    scene = shaken_and_pushed(push)
+    laws = {name: np.concatenate([value, value]) for name, value in scene.laws.items()}
+    laws["tangential_stiffness"] = np.array([scene.laws["tangential_stiffness"][0], stiffness])
+    laws["friction_coefficient"] = np.array([scene.laws["friction_coefficient"][0], limit])
+    return replace(scene, laws=laws, directions=np.vstack([scene.directions, scene.directions]))
+
+
+@pytest.mark.parametrize("level", [3.0, 5.0, 10.0])
+def test_springs_that_soften_find_the_drift_of_a_mass_that_is_held_until_it_has_gone_far(level):
+    # The first contact slips all over the period and carries little. The second holds a push below its limit, and gives
+    # way to more at 0.05/1e-6 = 5e4 from where the mass began: with springs of 1e-3 a step goes some 1e2.
+    for push, limit, outcome in ((0.02, 0.05, "converged"), (0.3, 0.05, "no_period_one_orbit")):
+        with Solver(MPI.COMM_SELF, held_softly_too(push, 1e-6, limit), OPTIONS) as solver:
+            solver.follow_static_path(np.array([[1.0]]), 4, HERTZ)
+            solver.set_excitation(HERTZ, HERTZ, level)
+            assert solver.solve_by_strategy("mean_regularisation", HERTZ).outcome == outcome

@@ -209,27 +209,20 @@ def test_a_point_that_does_not_converge_is_in_the_table_and_told(tmp_path, ranks
     assert "Traceback" not in done.stderr
 
 
-def test_a_static_path_without_equilibrium_leaves_the_old_result(tmp_path):
-    (tmp_path / "result.h5").write_bytes(b"old")
-    job = wedge()
-    job["balance"]["max_iterations"] = 1
-    done = run(tmp_path, job, code=1)
-    # Open MPI may have said something of its own before, about the machine.
-    (line,) = [line for line in done.stderr.splitlines() if "attrito" in line]
-    assert line.startswith("attrito: job.toml: static load path, corner 2: no equilibrium found (")
-    assert (tmp_path / "result.h5").read_bytes() == b"old"
-
-
 @pytest.mark.parametrize(("along", "towards"), [(211.0, 420.0), (0.0, -10.0)], ids=["slides", "opens"])
-def test_a_static_path_says_that_a_body_drifts_where_no_contact_holds_it(tmp_path, along, towards):
+def test_a_static_path_says_that_a_body_drifts_and_leaves_the_old_result(tmp_path, along, towards):
     # A free mass on one contact, mu = 0.5: 420 N hold 210 N and no more, and nothing holds what pulls it off.
+    (tmp_path / "result.h5").write_bytes(b"old")
     job = wedge()
     job["model"] = {"mass": [[1.0, 0.0], [0.0, 1.0]], "stiffness": [[0.0, 0.0], [0.0, 0.0]]}
     job["contact"][0] |= {"normal": [[1, 1.0]], "tangents": [[[0, 1.0]]]}
     job["load"][0]["dofs"] = [[0, along], [1, towards]]
     done = run(tmp_path, job, code=1)
     found = "static load path, corner 2: no equilibrium found: a body drifts, no contact holds it ("
-    assert f"attrito: job.toml: {found}" in done.stderr
+    # Open MPI may have said something of its own before, about the machine.
+    (line,) = [line for line in done.stderr.splitlines() if "attrito" in line]
+    assert line.startswith(f"attrito: job.toml: {found}")
+    assert (tmp_path / "result.h5").read_bytes() == b"old"
     job["load"][0]["dofs"] = [[0, 200.0], [1, 420.0]]
     run(tmp_path, job)
 
