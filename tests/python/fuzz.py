@@ -81,7 +81,12 @@ class Case:
 
 
 def told_well(message: str) -> bool:
-    """One message: `attrito: place: ... expected ...`, or argparse's own; further lines are further faults."""
+    """One message: `attrito: place: ... expected ...`, or argparse's own; further lines are further faults.
+
+    What no reader foresaw is said as Python said it, and tells nobody what to do.
+    """
+    if "contents = " in message and "ATTRITO_TRACEBACK" in message:
+        return False
     lines = [line for line in message.splitlines() if line.strip()]
     if any("usage: attrito" in line for line in lines):
         return True

@@ -168,3 +168,15 @@ def test_an_integration_that_starts_on_touching_contacts_does_not_warn(tmp_path,
     job["integrate"] = {"frequency_hz": 132.0, "cycles": 3}
     done = attrito_here(tmp_path, capfd, "integrate", write_job(tmp_path, job))
     assert done.returncode in (0, 1) and "warning" not in done.stdout
+
+
+@pytest.mark.parametrize(("band", "harmonic", "told"), [((60.0, 80.0), 1, True), ((60.0, 80.0), 2, False)])
+def test_a_band_that_no_mode_can_resonate_in_is_told(tmp_path, capfd, band, harmonic, told):
+    job = wedge()
+    job["sweep"] = {"start_hz": band[0], "stop_hz": band[1]}
+    job["load"][1]["harmonic"] = harmonic
+    said = warnings_of(tmp_path, capfd, job)
+    assert len(said) == told
+    assert not told or said[0].startswith(
+        "no natural frequency from 60 to 80 Hz, so no resonance is swept; nearest, in"
+    )

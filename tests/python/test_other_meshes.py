@@ -157,3 +157,13 @@ def test_a_mesh_of_gmsh_goes_with_matrices(tmp_path):
     files = {"stiffness": tmp_path / "k.mtx", "mass": tmp_path / "k.mtx", "dofs": tmp_path / "rows.dof"}
     model, notes = import_model(tmp_path / "model.h5", **files, mesh=tmp_path / "mesh.msh")
     assert model.has_mesh and "1 elements C3D20" in notes and "node set body: 20 nodes" in notes
+
+
+def test_a_mesh_without_solids_says_so(tmp_path):
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
+    meshio.Mesh(corners, [("quad", np.array([[0, 1, 2, 3]]))]).write(tmp_path / "plate.vtu")
+    numbers = "".join(f"{node},{way}, {node},{way}, 1.0\n" for node in range(1, 5) for way in range(1, 4))
+    for name in ("STIF1", "MASS1"):
+        (tmp_path / f"plate_{name}.mtx").write_text(numbers)
+    _, notes = import_model(tmp_path / "plate.h5", abaqus_job=tmp_path / "plate", mesh=tmp_path / "plate.vtu")
+    assert [note for note in notes if note.startswith("no solid elements in the mesh: contacts go by nodes alone")]

@@ -14,6 +14,7 @@ import synthetic
 from jobs import attrito_here, toml, wedge, write_job
 
 from attrito.model.model_file import write_model
+from attrito.support.locks import Lock
 
 
 @pytest.fixture
@@ -57,3 +58,28 @@ def test_what_is_read_is_not_written_over(folder, capfd, arguments, spared):
     assert done.returncode == 2, done.stderr
     assert "expected a file other than" in done.stderr and "which is read" in done.stderr
     assert (folder / spared).read_bytes() == before
+
+
+def test_an_output_that_is_a_link_stays_one_and_keeps_its_mode(folder, tmp_path, capfd):
+    other = tmp_path / "elsewhere"
+    other.mkdir()
+    (other / "old.h5").write_bytes(b"old")
+    (other / "old.h5").chmod(0o640)
+    (folder / "result.h5").unlink()
+    (folder / "result.h5").symlink_to(other / "old.h5")
+    assert attrito_here(folder, capfd, "run", "job.toml").returncode == 0
+    (folder / "table.csv").symlink_to(other / "new.csv")
+    assert attrito_here(folder, capfd, "table", "result.h5", "-o", "table.csv").returncode == 0
+    assert os.path.islink(folder / "result.h5") and os.path.islink(folder / "table.csv")
+    assert os.stat(other / "old.h5").st_mode & 0o777 == 0o640
+    with h5py.File(other / "old.h5") as file:
+        assert len(file["points/frequency_hz"])
+    assert (other / "new.csv").read_text().startswith("point,")
+    assert sorted(path.name for path in other.iterdir()) == ["new.csv", "old.h5"]
+
+
+def test_two_processes_that_write_one_file_by_two_names_are_told_apart(tmp_path):
+    (tmp_path / "link.h5").symlink_to("result.h5")
+    lock = Lock(tmp_path / "result.h5")
+    assert lock.take() and Lock(tmp_path / "link.h5").is_held()
+    lock.release()

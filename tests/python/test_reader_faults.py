@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import importlib.util
 import os
 from pathlib import Path
 
+import h5py
 import matrix_writers as write
 import numpy as np
 import pytest
@@ -13,7 +15,7 @@ import scipy.sparse as sparse
 from faulty_files import cut, fault_of, replaced
 from two_springs import DATA, STIFFNESS
 
-from attrito.importers import read_matrix
+from attrito.importers import read_matrix, read_mesh
 
 STIF, HB, PCH, SMALL, OP4 = (
     f"two_springs{end}" for end in ("_STIF1.mtx", "_stiffness.hb", ".pch:KAAX", "_small.bdf:KAAX", ".op4:KAA")
@@ -300,3 +302,68 @@ def test_binary_files_of_something_else_are_told(save, said, expected, tmp_path)
     save(path)
     told = fault_of(read_matrix, path, "stiffness")
     assert said in told and expected in told
+
+
+# First bytes of files that are known but not read; what is said of them as a mesh, and as a matrix.
+FOREIGN = {
+    "k.op2": (b"\4\0\0\0\3\0\0\0NASTRAN FORT TAPE ID CODE - ", "OUTPUT2", "the bulk data", "DMIG"),
+    "k.unv": (b"    -1\n  2411\n", "a universal file", "a deck", "Matrix Market"),
+    "k.frd": (b"    1C\n    1UUSER\n", "results of CalculiX", "the deck", "--calculix"),
+    "k.odb": (b"HKSRD0 $ABAQUS\0", "Abaqus's database", "the deck", ".mtx"),
+    "k.step": (b"ISO-10303-21;\n", "geometry in STEP", "mesh the geometry first", "a matrix file"),
+    "k.stl": (b"solid part\n facet normal 0 0 1\n", "a surface in STL", "mesh the geometry first", "a matrix file"),
+    "k.inp": (b"\x1f\x8b\x08\0", "packed by gzip", "unpack it", "unpack it"),
+    "k.full": (np.array([100, -(2**31), 4], "<i4").tobytes(), "binary file .full", "CDWRITE", "HBMAT"),
+    "k.h5": (b"\x89HDF\r\n\x1a\n", "an HDF5 file", ".med or .exo", ".mat"),
+    "k.nc": (b"CDF\1\0\0\0\0", "a NetCDF file", ".exo or .g", "a matrix file"),
+}
+
+
+@pytest.mark.parametrize(("name", "kind"), FOREIGN.items(), ids=FOREIGN)
+def test_files_of_other_kinds_are_refused_by_what_they_are(name, kind, tmp_path):
+    start, what, mesh, matrix = kind
+    (tmp_path / name).write_bytes(start + bytes(400))
+    for read, expected, arguments in ((read_mesh, mesh, ()), (read_matrix, matrix, ("stiffness",))):
+        told, _, remedy = fault_of(read, tmp_path / name, *arguments).partition(": expected ")
+        assert name in told and what in told and expected in remedy
+
+
+@pytest.mark.parametrize("name", ["m.g", "m.e", "m.exo", "m.ex2"])
+@pytest.mark.parametrize("start", [b"CDF\1", b"\x89HDF\r\n\x1a\n"], ids=["NetCDF 3", "NetCDF 4"])
+def test_exodus_without_the_module_that_reads_it_says_what_to_install(name, start, tmp_path, monkeypatch):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda module: None)
+    (tmp_path / name).write_bytes(start + bytes(100))
+    assert "install python3-netcdf4, or export the mesh as .med or .vtu" in fault_of(read_mesh, tmp_path / name)
+
+
+def of_class(path: Path, kind: str, values: np.ndarray) -> None:
+    """A file of version 7.3 whose variable K is of a class of MATLAB's."""
+    write.write_matlab_73(path, {"K": values})
+    with h5py.File(path, "r+") as file:
+        file["K"].attrs["MATLAB_class"] = np.bytes_(kind)
+
+
+HELD = {
+    "an object in a new .mat": (lambda path: of_class(path, "ss", np.eye(3)), "ss"),
+    "text in a new .mat": (lambda path: of_class(path, "char", np.eye(3)), "char"),
+    "a structure": (lambda path: scipy.io.savemat(path, {"K": {"k": np.eye(3)}}), "struct"),
+    "a cell": (lambda path: scipy.io.savemat(path, {"K": np.array([[np.eye(2)]], dtype=object)}), "cell"),
+    "text": (lambda path: scipy.io.savemat(path, {"K": "a"}), "char"),
+}
+
+
+@pytest.mark.parametrize(("save", "kind"), HELD.values(), ids=HELD)
+def test_what_is_no_matrix_in_matlab_is_refused_by_its_class(save, kind, tmp_path):
+    save(tmp_path / "k.mat")
+    assert f"K ({kind})" in fault_of(read_matrix, tmp_path / "k.mat", "stiffness")
+    told = fault_of(read_matrix, f"{tmp_path / 'k.mat'}:K", "stiffness")
+    assert f"of MATLAB's class {kind}" in told and "as K = model.K, and save that" in told
+
+
+@pytest.mark.parametrize("save", [write.write_matlab_73, scipy.io.savemat], ids=["7.3", "5"])
+def test_numbers_beside_a_matrix_are_no_matrices(save, tmp_path):
+    save(tmp_path / "k.mat", {"n": np.ones((1, 1)), "K": STIFFNESS})
+    assert np.array_equal(read_matrix(tmp_path / "k.mat", "stiffness").toarray(), STIFFNESS)
+    save(tmp_path / "n.mat", {"n": np.ones((1, 1))})
+    assert "'no name': expected one matrix of the file" in fault_of(read_matrix, tmp_path / "n.mat", "stiffness")
+    assert read_matrix(f"{tmp_path / 'n.mat'}:n", "stiffness").toarray() == 1.0

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 import warnings
 
 import h5py
@@ -126,7 +127,6 @@ def test_a_picture_that_finds_no_room_is_told_in_one_message(tmp_path, ending):
 
 @pytest.mark.parametrize("what", ["pipe", "device"])
 def test_what_is_no_file_is_not_waited_for(tmp_path, capfd, what):
-    import os
 
     for name in ("job.toml", "result.h5", "K.mtx"):
         os.mkfifo(tmp_path / name) if what == "pipe" else (tmp_path / name).symlink_to("/dev/zero")
@@ -162,3 +162,19 @@ def test_input_malformed_in_further_ways_ends_with_one_message_or_a_result():
     cases = run_cases(range(54), seed=11, ways="further")
     assert [(case.number, case.name, case.breaks, case.message) for case in cases if case.breaks] == []
     assert sum(case.code == 2 for case in cases) > len(cases) / 2
+
+
+def test_names_of_files_that_are_no_utf8_are_told_before_anything_is_done(tmp_path, capfd):
+    name = os.fsdecode(b"j\xf6b")
+    (tmp_path / name).mkdir()
+    for folder, job in ((tmp_path, f"{name}.toml"), (tmp_path / name, "job.toml")):
+        (folder / job).write_text((tmp_path / write_job(tmp_path, wedge(), "good.toml")).read_text())
+        before = sorted(os.listdir(folder))
+        for arguments in (("run", job), ("mode", job), ("reduce", job)):
+            done = attrito_here(folder, capfd, *arguments)
+            assert done.returncode == 2 and "expected names of files and folders in UTF-8" in done.stderr
+            assert "Error" not in done.stderr and done.stderr.count("attrito: ") == 1
+        assert sorted(os.listdir(folder)) == before
+    (tmp_path / f"{name}.h5").write_bytes(write_result(tmp_path / "result.h5", [1.0], {"tip": [1.0]}).read_bytes())
+    done = attrito_here(tmp_path, capfd, "report", f"{name}.h5")
+    assert done.returncode == 2 and "expected names of files and folders in UTF-8" in done.stderr

@@ -12,11 +12,19 @@ from scipy.sparse import csr_matrix
 from attrito.importers.mat_records import fault_of_version_4, is_version_4
 from attrito.importers.npz import check_parts, real_matrix
 from attrito.importers.source import Source, no_such_matrix, refuse
-from attrito.support.hdf5_reading import UNREADABLE, check_datasets
+from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets
 
 # Version 4 has no such header, and is known by its ending.
 HEADER = b"MATLAB "
 _HDF5 = b"MATLAB 7.3"
+# What MATLAB calls variables of numbers; others are text, cells, structures or objects.
+_NUMBERS = (
+    "double",
+    "single",
+    "logical",
+    "sparse",
+    *(f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)),
+)
 
 
 def read_matlab(path: str | Path, key: str, name: str | None = None) -> Source:
@@ -35,8 +43,8 @@ def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
     if is_version_4(path) and (fault := fault_of_version_4(path)):
         raise refuse(path, key, fault, "a MATLAB file")
     try:
-        shapes = {found: shape for found, shape, _ in scipy.io.whosmat(path)}
-        name = _choose(path, key, name, shapes)
+        listed = scipy.io.whosmat(path)
+        name = _choose(path, key, name, *({one[0]: one[part] for one in listed} for part in (1, 2)))
         matrix = scipy.io.loadmat(path, variable_names=[name])[name]
     except (*UNREADABLE, EOFError, MatReadError, zlib.error) as error:
         raise refuse(path, key, f"SciPy: {error}", "a MATLAB file of matrices, without objects") from error
@@ -47,8 +55,9 @@ def _from_hdf5(path: str, key: str, name: str | None) -> csr_matrix:
     try:
         with h5py.File(path, "r") as file:
             check_datasets(file, path)
-            shapes = {found: _shape(thing) for found, thing in file.items() if not found.startswith("#")}
-            name = _choose(path, key, name, shapes)
+            things = {found: thing for found, thing in file.items() if not found.startswith("#")}
+            shapes = {found: _shape(thing) for found, thing in things.items()}
+            name = _choose(path, key, name, shapes, {found: _class(thing) for found, thing in things.items()})
             thing = file[name]
             if isinstance(thing, h5py.Dataset):
                 return real_matrix(thing[()], path, f"{key} ({name})")
@@ -84,10 +93,22 @@ def _shape(thing: h5py.Dataset | h5py.Group) -> tuple[int, ...]:
     return () if rows is None or "jc" not in thing else (int(rows), len(thing["jc"]) - 1)
 
 
-def _choose(path: str, key: str, name: str | None, shapes: dict[str, tuple[int, ...]]) -> str:
-    matrices = [found for found, shape in shapes.items() if len(shape) == 2 and shape[0] == shape[1]]
+def _class(thing: h5py.Dataset | h5py.Group) -> str:
+    """What MATLAB calls a variable; files of other programs may not say it."""
+    numbers = isinstance(thing, h5py.Dataset) or "MATLAB_sparse" in thing.attrs
+    return as_text(thing.attrs.get("MATLAB_class", "double" if numbers else "struct"))
+
+
+def _choose(path: str, key: str, name: str | None, shapes: dict[str, tuple[int, ...]], classes: dict[str, str]) -> str:
+    """The variable of that name, or the only one that is a square matrix, which a single number is not."""
+    numbers = [found for found in shapes if classes[found] in _NUMBERS]
+    matrices = [found for found in numbers if len(shapes[found]) == 2 and shapes[found][0] == shapes[found][1] > 1]
     if name is None and len(matrices) == 1:
         return matrices[0]
     if name is None or name not in shapes:
-        raise no_such_matrix(path, key, name, ", ".join(matrices or shapes) or "none")
+        held = matrices or [found if found in numbers else f"{found} ({classes[found]})" for found in shapes]
+        raise no_such_matrix(path, key, name, ", ".join(held) or "none")
+    if name not in numbers:
+        expected = "a matrix, full or sparse: take it out of what holds it, as K = model.K, and save that"
+        raise refuse(path, f"{key} ({name})", f"of MATLAB's class {classes[name]}", expected)
     return name

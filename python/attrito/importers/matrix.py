@@ -10,6 +10,7 @@ from scipy.sparse import csr_matrix
 from attrito.importers.abaqus import is_abaqus, read_abaqus
 from attrito.importers.abaqus_superelement import is_superelement, read_superelement
 from attrito.importers.dof_numbers import DofNumbers
+from attrito.importers.foreign import ZIP, foreign
 from attrito.importers.harwell_boeing import is_harwell_boeing, read_harwell_boeing
 from attrito.importers.inline import read_inline
 from attrito.importers.matlab import HEADER as MATLAB
@@ -19,7 +20,6 @@ from attrito.importers.matrix_market import HEADER as MATRIX_MARKET
 from attrito.importers.matrix_market import read_matrix_market
 from attrito.importers.nastran_dmig import is_dmig, read_dmig
 from attrito.importers.nastran_op4 import is_op4, read_op4
-from attrito.importers.npz import HEADER as NPZ
 from attrito.importers.npz import read_npz
 from attrito.importers.petsc_binary import HEADERS as PETSC
 from attrito.importers.petsc_binary import read_petsc_binary
@@ -30,7 +30,6 @@ KINDS = (
     "a matrix file: Matrix Market, PETSc binary, SciPy npz, MATLAB, Harwell-Boeing, Nastran DMIG or OUTPUT4, "
     "or lines of Abaqus or CalculiX"
 )
-_ANSYS_FILES = {2: ".emat", 3: ".esav", 4: ".full", 8: ".sub", 9: ".mode", 12: ".rst"}
 # The first line of what Nastran punches but for matrices
 PUNCHED_RESULTS = b"$TITLE"
 # Enough to come past the comments and other cards at the beginning of a file.
@@ -58,6 +57,9 @@ def open_matrix(source: str | Path, key: str, file: str, numbers: DofNumbers) ->
     try:
         with Path(path).open("rb") as opened:
             start = opened.read(START)
+        known = None if start.startswith(ZIP) else foreign(start)
+        if known is not None:
+            raise InputError(Fault(path, key, known.what, known.matrix))
         if start.startswith(MATLAB) or path.lower().endswith(".mat"):
             return read_matlab(path, key, name)
         if is_op4(start):
@@ -72,7 +74,7 @@ def open_matrix(source: str | Path, key: str, file: str, numbers: DofNumbers) ->
             return read_matrix_market(path, key)
         if start.startswith(PETSC):
             return Source(path, key, matrix=read_petsc_binary(path, key))
-        if start.startswith(NPZ):
+        if start.startswith(ZIP):
             return read_npz(path, key)
         if is_harwell_boeing(start):
             return read_harwell_boeing(path, key)
@@ -81,23 +83,9 @@ def open_matrix(source: str | Path, key: str, file: str, numbers: DofNumbers) ->
     except OSError as error:
         expected = f"a file that can be read ({error.strerror or error})"
         raise InputError(Fault(file, key, str(source), expected)) from error
-    if what := ansys_binary(start):
-        raise InputError(Fault(path, key, what, "its matrices as text: HBMAT, or *SMAT and *EXPORT (docs/models.md)"))
     if start.startswith(PUNCHED_RESULTS):
         raise InputError(Fault(path, key, "a punch file of results", "one of matrices: DMIG, as EXTSEOUT writes it"))
     raise InputError(Fault(file, key, str(source), KINDS))
-
-
-def ansys_binary(start: bytes) -> str:
-    """Which binary file of ANSYS one is by its beginning; "" for others.
-
-    The first record, of 100 integers, begins with the number of the kind of file.
-    """
-    for order in "<>":
-        if len(start) >= 12 and start[:8] == np.array([100, -(2**31)], f"{order}i4").tobytes():
-            number = int(np.frombuffer(start[8:12], f"{order}i4")[0])
-            return f"ANSYS's binary file {_ANSYS_FILES.get(number, f'of kind {number}')}"
-    return ""
 
 
 def inline_or_file(source: object, key: str, file: str, numbers: DofNumbers) -> Source:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from attrito.importers.ansys_mesh import is_ansys_mesh, read_ansys_mesh
 from attrito.importers.deck_mesh import read_deck_mesh
+from attrito.importers.foreign import HDF5, NETCDF, foreign
 from attrito.importers.gmsh_mesh import HEADER as GMSH
 from attrito.importers.gmsh_mesh import read_gmsh_mesh
 from attrito.importers.mesh_data import Mesh
@@ -42,6 +43,9 @@ def read_mesh(path: str | Path, skip: bool = False) -> Mesh:
         raise InputError(Fault(str(path), "file", error.strerror or str(error), expected)) from error
     if start.startswith((BOM_UTF16_LE, BOM_UTF16_BE)):
         start = decoded(start).encode()
+    known = None if is_meshio_mesh(path) and start.startswith((HDF5, NETCDF)) else foreign(start)
+    if known is not None:
+        raise InputError(Fault(str(path), "file", known.what, known.mesh))
     if start.startswith(b"$") and GMSH in start:
         return read_gmsh_mesh(path)
     if is_meshio_mesh(path):

@@ -8,13 +8,14 @@ mirrored.
 from __future__ import annotations
 
 import contextlib
-import importlib
+import importlib.util
 import io
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from attrito.importers.foreign import HDF5, NETCDF
 from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
 from attrito.support.errors import Fault, InputError
 
@@ -23,10 +24,11 @@ if TYPE_CHECKING:
 
 # Modules of meshio by the ending of a file
 READERS = {".med": "med", ".vtk": "vtk", ".vtu": "vtu", ".xdmf": "xdmf", ".xmf": "xdmf", ".e": "exodus",
-           ".exo": "exodus", ".ex2": "exodus", ".mesh": "medit", ".meshb": "medit", ".vol": "netgen"}  # fmt: skip
+           ".g": "exodus", ".exo": "exodus", ".ex2": "exodus", ".mesh": "medit", ".meshb": "medit",
+           ".vol": "netgen"}  # fmt: skip
 # What such files begin with: of gigabytes of something else meshio would look for the end of the first line.
-_HDF5, _TEXT = b"\x89HDF", b""
-_STARTS = {"med": (_HDF5,), "vtk": (b"# vtk",), "vtu": (b"<",), "xdmf": (b"<",), "exodus": (_HDF5, b"CDF"),
+_TEXT = b""
+_STARTS = {"med": (HDF5,), "vtk": (b"# vtk",), "vtu": (b"<",), "xdmf": (b"<",), "exodus": (HDF5, NETCDF),
            "medit": (_TEXT, b"\1\0\0\0"), "netgen": (_TEXT,)}  # fmt: skip
 _SOLIDS = {"tetra": "C3D4", "hexahedron": "C3D8", "tetra10": "C3D10", "hexahedron20": "C3D20"}
 _FLAT = ("vertex", "line", "triangle", "quad", "polygon")
@@ -54,6 +56,9 @@ def read_meshio_mesh(path: str | Path) -> Mesh:
     if not any(b"\0" not in start if begin == _TEXT else start.startswith(begin) for begin in _STARTS[kind]):
         raise InputError(Fault(str(path), "file", start[:20].decode(errors="replace"), expected))
     module = importlib.import_module(f"meshio.{kind}")
+    if kind == "exodus" and importlib.util.find_spec("netCDF4") is None:
+        remedy = "netCDF4, by which meshio reads Exodus: install python3-netcdf4, or export the mesh as .med or .vtu"
+        raise InputError(Fault(str(path), "file", "a mesh of Exodus; Python has no module netCDF4", remedy))
     try:
         # `meshio.read` would end the program on a file it cannot read, and its readers print warnings.
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):

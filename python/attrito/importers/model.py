@@ -206,7 +206,7 @@ def _stray_nodes(node: np.ndarray, direction: np.ndarray, dofs: str, mesh: str, 
     stray = np.setdiff1d(node[direction > 0], read.node_ids)
     if len(stray) == 0:
         return []
-    remedy = "elements C3D8I add nodes of their own: use C3D8, C3D10 or C3D20"
+    remedy = "do matrices and mesh belong together? elements C3D8I add nodes of their own: use C3D8, C3D10 or C3D20"
     if any(what.startswith("*RIGID BODY") for what in read.constraints):
         remedy = "a *RIGID BODY without REF NODE and ROT NODE adds nodes of its own: name both, with lines under *NODE"
     if any(re.match("elements of type (S|B|CPS|CPE|M3D|T3D)", what) for what in read.skipped):
@@ -240,6 +240,10 @@ def _notes(model: Model) -> list[str]:
     if generalised:
         notes.append(f'{generalised} of the dofs are generalised coordinates: ["node", number, "q"] in a job')
     notes += [f"{len(ids)} elements {kind}" for kind, (ids, _) in model.elements.items()]
+    if model.has_mesh and not any(len(ids) for ids, _ in model.elements.values()):
+        notes.append(
+            "no solid elements in the mesh: contacts go by nodes alone, without faces and areas, and nothing is drawn"
+        )
     known = sum(int(np.count_nonzero(~np.isnan(one).any(axis=1))) for one in model.elastic.values())
     if known:
         notes.append(f"elastic constants of {known} elements, for `attrito stress`")

@@ -13,8 +13,6 @@ from scipy.sparse import csr_matrix
 from attrito.importers.source import Source, refuse
 from attrito.support.hdf5_reading import UNREADABLE
 
-HEADER = b"PK\x03\x04"
-
 
 def read_npz(path: str | Path, key: str) -> Source:
     """One real matrix `[n, n]`."""

@@ -55,6 +55,40 @@ def linear_references(solver: Solver, job: Job) -> dict[str, LinearReference]:
     return found
 
 
+def band_without_mode(job: Job, linear: dict[str, LinearReference]) -> list[str]:
+    """A warning where no mode can resonate in the band that is swept, at whatever state its contacts are in.
+
+    A mode's natural frequency lies between those that it has in the linear systems, which are counted from the first
+    rigid-body mode on. Listed frequencies are what somebody asks for, and a wheel's harmonics have modes of their own.
+    """
+    sweep = job["sweep"]
+    if sweep["frequencies_hz"] or job["cyclic"]["sectors"] is not None:
+        return []
+    low, high = sorted((sweep["start_hz"], sweep["stop_hz"]))
+    modes = [np.concatenate([np.zeros(one.rigid), one.natural_hz]) for one in linear.values()]
+    count = min(map(len, modes))
+    if count == 0:
+        return []
+    least, most = (pick([one[:count] for one in modes], axis=0) for pick in (np.min, np.max))
+    driven = {load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"}
+    reached = any(np.any((least / harmonic <= high) & (most / harmonic >= low)) for harmonic in driven)
+    unknown = count >= NATURAL_FREQUENCIES and most[-1] < low
+    if reached or unknown or not driven:
+        return []
+    nearest = "; ".join(
+        f"{name} {in_words(_nearest(one.natural_hz, low, high), one.rigid, 2)}" for name, one in linear.items()
+    )
+    return [
+        f"no natural frequency from {low:g} to {high:g} Hz, so no resonance is swept; nearest, in Hz: {nearest};"
+        " check [sweep] and the units of the model"
+    ]
+
+
+def _nearest(natural_hz: np.ndarray, low: float, high: float) -> np.ndarray:
+    """The last one below a band and the first one above it."""
+    return np.concatenate([natural_hz[natural_hz < low][-1:], natural_hz[natural_hz > high][:1]])
+
+
 def in_words(natural_hz: np.ndarray, rigid: int, count: int, digits: int = 4) -> str:
     """The lowest elastic natural frequencies, and how many rigid-body modes there are besides."""
     words = ", ".join(f"{frequency:.{digits}g}" for frequency in natural_hz[:count]) or "none"

@@ -22,7 +22,7 @@ from attrito.runs.bounds_of_levels import Sampler
 from attrito.runs.branch_ends import BranchEnds
 from attrito.runs.branch_search import Search
 from attrito.runs.header import first_record
-from attrito.runs.linear_references import linear_references
+from attrito.runs.linear_references import band_without_mode, linear_references
 from attrito.runs.longer_periods import LongerPeriods
 from attrito.runs.position import RunPosition
 from attrito.runs.progress import Progress
@@ -126,6 +126,9 @@ def _solve(
         stages.end("static solution")
         linear = linear_references(solver, job)
         progress.begin(len(reduced.mass), len(reduced.laws["tangents"]), linear)
+        unswept = on_root(comm, lambda: band_without_mode(job, linear))
+        progress.warn(unswept)
+        warnings += unswept
         progress.expect(job["sweep"], job["continuation"]["branches"])
         first = on_root_only(comm, lambda: first_record(job, scene, rom, reduced, comm.size, linear, margin))
         stages.end("linear responses")

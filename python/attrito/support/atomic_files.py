@@ -20,12 +20,18 @@ import h5py
 ENDING = ".new"
 
 
+def target(path: str | os.PathLike[str]) -> str:
+    """Where a file lies: what a link leads to, whether or not it is there yet; else the name itself."""
+    return os.path.realpath(path) if os.path.islink(path) else os.fspath(path)
+
+
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
     """The name under which to write a file in the block; it then takes its own, or is removed where the block failed.
 
     The name is of this process alone, in the same folder, and the file is made empty: nothing that is there is written
-    over, and no link is followed. What is there at `path` and is no file, as /dev/stdout, is written as it is.
+    over, and no link is followed. Where `path` is a link, it stays one, and what it leads to is replaced; the new file
+    has the mode of the old one. What is there at `path` and is no file, as /dev/stdout, is written as it is.
 
     Raises
     ------
@@ -34,13 +40,16 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
     if Path(path).exists() and not Path(path).is_file():
         yield str(path)
         return
-    new = f"{os.fspath(path)}.{secrets.token_hex(4)}{ENDING}"
+    goal = target(path)
+    new = f"{goal}.{secrets.token_hex(4)}{ENDING}"
     made = False
     try:
         os.close(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
         made = True
         yield new
-        os.replace(new, path)
+        if os.path.exists(goal):
+            shutil.copymode(goal, new)
+        os.replace(new, goal)
     except OSError as error:
         if error.filename in (None, new):
             error.filename, error.filename2 = str(path), None
@@ -52,6 +61,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
 
 def remove_left_overs(path: str | os.PathLike[str]) -> None:
     """Remove what killed processes left of a file that no process writes now."""
+    path = target(path)
     of_this = re.compile(re.escape(Path(path).name) + r"\.[0-9a-f]{8}" + re.escape(ENDING))
     for entry in os.scandir(Path(path).parent):
         if of_this.fullmatch(entry.name) and entry.is_file(follow_symlinks=False):
@@ -74,7 +84,8 @@ def whole_hdf5(
     with whole_file(path) as new:
         named(new)
         if start is not None:
-            (shutil.copyfile if start == str(path) else os.replace)(start, new)
+            # A link may lead to another file system.
+            (shutil.copyfile if start == str(path) else shutil.move)(start, new)
         with _NeverFailing(new, "w+b" if start is None else "r+b") as disk:
             try:
                 with h5py.File(disk, "w" if start is None else "r+") as file:

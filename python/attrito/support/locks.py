@@ -15,7 +15,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from attrito.support.atomic_files import remove_left_overs
+from attrito.support.atomic_files import remove_left_overs, target
 from attrito.support.errors import NO_ROOM, Fault, InputError
 from attrito.support.parallel import on_root
 
@@ -35,7 +35,7 @@ class Lock:
 
     Parameters
     ----------
-    path : the file
+    path : the file; of a link what it leads to
 
     Attributes
     ----------
@@ -43,7 +43,7 @@ class Lock:
     """
 
     def __init__(self, path: str | os.PathLike[str]):
-        self.path = f"{os.fspath(path)}.lock"
+        self.path = f"{target(path)}.lock"
         self.shared = True
         self._descriptor = -1
 

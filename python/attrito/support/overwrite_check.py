@@ -31,15 +31,30 @@ def is_no_file(path: str | os.PathLike[str]) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or passed_on)
 
 
+def is_text(name: str) -> bool:
+    """Whether a name is UTF-8: other bytes, as of old network shares, Python hides where HDF5 and pages take none."""
+    try:
+        name.encode()
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def check_files(faults_of: str, key: str, paths: Iterable[str]) -> None:
-    """Raise where something to be read is no file.
+    """Raise where something to be read is no file, or files made from it could not say where it is.
 
     Parameters
     ----------
     faults_of, key : file and key that name it, for the message
     paths : what is to be read
     """
-    faults = [Fault(faults_of, key, path, "a file, not a pipe or a device") for path in paths if is_no_file(path)]
+    faults = []
+    for path in paths:
+        if is_no_file(path):
+            faults.append(Fault(faults_of, key, path, "a file, not a pipe or a device"))
+        elif not is_text(os.path.abspath(path)):
+            expected = "names of files and folders in UTF-8: rename it, as by `convmv -f latin1 -t utf8`"
+            faults.append(Fault(faults_of, key, os.path.abspath(path), expected))
     if faults:
         raise InputError(*faults)
 
