@@ -32,6 +32,7 @@ import numpy as np
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "python"
 sys.path.insert(0, str(TESTS))
 
+from edited import edited  # noqa: E402 (a folder of scripts, not a package)
 from jobs import ENVIRONMENT, Job, blocks, write_blocks, write_job  # noqa: E402 (a folder of scripts, not a package)
 
 PATIENCE = 600.0
@@ -158,7 +159,7 @@ def prepare(folder: Path) -> None:
     folder.mkdir()
     write_blocks(folder / MODELS[0])
     shutil.copy(folder / MODELS[0], folder / MODELS[1])
-    with h5py.File(folder / MODELS[1], "r+") as file:
+    with edited(folder / MODELS[1]) as file:
         file["stiffness/values"][:] *= 1.5
 
 

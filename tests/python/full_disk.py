@@ -47,8 +47,8 @@ def with_room_for(
 
 
 def one_message(done: subprocess.CompletedProcess[str]) -> str:
-    """What is told, if it is one line; mpirun's own lines do not count."""
-    lines = [line for line in done.stderr.splitlines() if line.strip()]
+    """What is told, if it is one line; mpirun's own lines and warnings do not count."""
+    lines = [line for line in done.stderr.splitlines() if line.strip() and not line.startswith("warning: ")]
     ours = [line for line in lines if line.startswith("attrito: ")]
     assert len(ours) == 1 and (lines == ours or "mpirun" in done.stderr), done.stderr
     return ours[0]

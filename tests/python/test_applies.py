@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import h5py
 import pytest
 import synthetic
+from edited import edited
 from jobs import attrito_here
 
 from attrito.results.chosen_points import chosen_points
@@ -19,7 +19,7 @@ def files(tmp_path):
     """A small file of each format; what is refused does not come to look at more than that."""
     for name, form in FORMATS.items():
         path = synthetic.write_result(tmp_path / f"{name}.h5", [90.0, 91.0], {"tip": [3.0, 4.0]})
-        with h5py.File(path, "r+") as file:
+        with edited(path) as file:
             file.attrs["format"] = form
     return tmp_path
 
@@ -72,7 +72,7 @@ def test_of_a_nonlinear_mode_the_last_point_with_a_solution_is_meant(tmp_path):
     expected = {("converged", "not_converged"): [0], ("converged", "converged"): [1]}
     for number, outcome in enumerate([*expected, ("not_converged", "not_converged")]):
         path = synthetic.write_result(tmp_path / f"{number}.h5", [90.0, 91.0], {"tip": [3.0, 4.0]}, outcome=outcome)
-        with h5py.File(path, "r+") as file:
+        with edited(path) as file:
             file.attrs["format"] = MODE
         with Result(path) as result:
             if outcome in expected:

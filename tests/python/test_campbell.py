@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import synthetic
 from calculix_beam import CALCULIX_HZ, RADIUS, beam_model, solve, write_mesh
+from edited import edited
 from jobs import attrito, attrito_here, table, write_job
 from scipy.sparse import csr_matrix, identity
 from wheels import lumped_sector, ring, sector_job
@@ -320,7 +321,7 @@ def test_a_diagram_that_cannot_be_had_is_refused_with_the_key_that_is_needed(tmp
 
 def test_stress_stiffening_that_the_model_holds_asks_for_the_stiffness_at_rest(tmp_path, capfd):
     job = spinning_ring(tmp_path)
-    with h5py.File(tmp_path / "model.h5", "r+") as file:
+    with edited(tmp_path / "model.h5") as file:
         file.attrs["stiffness_holds"], file.attrs["spin_hz"] = '["stress_stiffening"]', 50.0
     said = said_of(tmp_path, capfd, job)
     assert "[campbell] stiffness_at_rest = 'missing': expected the stiffness of the same structure at rest" in said

@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from jobs import attrito
 
 import attrito as package
@@ -29,7 +30,7 @@ def oscillator(path, force=1.0, friction=0.3, level=1.0, frequency=None):
     frequency = np.linspace(90.0, 110.0, 41) if frequency is None else frequency
     motion = force * receptance(frequency)
     synthetic.write_result(path, frequency, {"tip": np.abs(motion)}, level=np.full(len(frequency), level))
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         coefficients = np.column_stack([np.zeros(len(frequency)), motion.real, -motion.imag])
         file["monitors/tip/harmonics"] = coefficients
         file["points/path"] = np.arange(len(frequency), dtype=float)

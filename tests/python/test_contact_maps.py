@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import h5py
 import matplotlib
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from jobs import write_blocks
 from matplotlib.collections import PathCollection, PolyCollection
 from matplotlib.path import Path
@@ -127,7 +127,7 @@ def joined(tmp_path):
     path = synthetic.write_result(
         tmp_path / "r.h5", [1.0], {}, contacts=synthetic.contact_data(1, count, 2), parameters=parameters
     )
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file.attrs["model_file"] = str(tmp_path / "model.h5")
         for name, unit in (("dissipated_energy", "mJ"), ("parameters/area", "mm^2")):
             file[f"contacts/{name}"].attrs["unit"] = unit
@@ -168,7 +168,7 @@ def test_a_map_of_states_has_the_area_of_each_state(joined):
 
 
 def test_without_its_mesh_or_with_another_contacts_are_dots(joined):
-    with h5py.File(joined, "r+") as file:
+    with edited(joined) as file:
         file["contacts/parameters/position"][:] += [0.0, 0.0, 1.0]
     with Result(joined) as result:
         axes = contact_map(result, 0, "state").axes[0]

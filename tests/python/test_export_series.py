@@ -10,6 +10,7 @@ import meshio
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from full_disk import OLD, one_message, with_room_for
 from jobs import attrito, attrito_here
 from scipy.sparse import identity
@@ -39,7 +40,7 @@ def make_case(folder, model):
     synthetic.write_result(
         folder / "result.h5", [FREQUENCY, 50.0], {"one": [1.0, 2.0], "other": [4.0, 3.0]}, coordinates=reduced
     )
-    with h5py.File(folder / "result.h5", "r+") as result:
+    with edited(folder / "result.h5") as result:
         result.attrs["model_file"], result.attrs["rom_file"] = str(folder / "model.h5"), str(folder / "rom.h5")
         result.attrs["rom_fingerprint"] = ""
     return folder, model, basis, reduced

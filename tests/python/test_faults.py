@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
+from edited import edited
 from fault_cases import Case, both, drop, frequencies, put
 from faults_of_jobs import CAMPBELL, JOB
 from faults_of_models import MESH, MODEL
@@ -55,10 +56,10 @@ def faulty_files(tmp_path_factory) -> Path:
     write_blocks(folder / "model.h5")
     write_blocks(folder / "floating.h5", floating=True)
     shutil.copy(folder / "model.h5", folder / "nan.h5")
-    with h5py.File(folder / "nan.h5", "r+") as file:
+    with edited(folder / "nan.h5") as file:
         file["mass/values"][0] = NAN
     shutil.copy(folder / "model.h5", folder / "nowhere.h5")
-    with h5py.File(folder / "nowhere.h5", "r+") as file:
+    with edited(folder / "nowhere.h5") as file:
         file["nodes/coordinates"][2, 1] = NAN
     with h5py.File(folder / "other.h5", "w") as file:
         file["numbers"] = np.arange(3)

@@ -6,6 +6,7 @@ import h5py
 import meshio
 import numpy as np
 import pytest
+from edited import edited
 from jobs import attrito_here, write_job
 from mpi4py import MPI
 from wheels import ring, sector_job
@@ -122,7 +123,7 @@ def test_a_damaged_basis_is_a_fault_of_the_file(folder, damage):
     reduced(folder, 40)
     path = folder / "rom_40.h5"
     intact = path.read_bytes()
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         basis = file["interface/basis"][()]
         del file["interface/basis"]
         file["interface/basis"] = damage(basis)

@@ -14,6 +14,7 @@ from pathlib import Path
 
 import h5py
 import pytest
+from edited import edited
 from job_arrays import job_arrays
 from jobs import attrito, attrito_here, blocks, table, wedge, write_blocks, write_job
 from mpi4py import MPI
@@ -157,7 +158,7 @@ def test_what_was_read_is_what_was_asked_for(tmp_path, monkeypatch):
     job = read_job(tmp_path / write_job(tmp_path, blocks()))
     scene = build_scene(job)
     made_by, _ = rom.make_rom(MPI.COMM_SELF, job, scene)
-    with h5py.File(made_by.path, "r+") as file:
+    with edited(made_by.path) as file:
         file.attrs["fingerprint"] = OTHERS
     # As where another process puts its own in the file's place after it was looked at.
     monkeypatch.setattr(rom, "rom_fingerprint", lambda path: made_by.fingerprint)

@@ -10,6 +10,7 @@ import pytest
 import synthetic
 from bricks import SPEED_HZ, brick, centrifugal, faults_of, job, scene_of
 from calculix_beam import CALCULIX_HZ, HEIGHT, LENGTH, RADIUS, WIDTH, beam_model, solve, write_mesh
+from edited import edited
 from elastic import DENSITY
 from jobs import attrito_here, run, write_job
 from scipy.linalg import eigh
@@ -383,7 +384,7 @@ def test_a_faulty_list_of_forces_is_told_with_its_line(tmp_path, text, said):
 
 def test_json_of_holdings_that_is_none_is_a_fault(tmp_path):
     write_model(tmp_path / "model.h5", brick(), [])
-    with h5py.File(tmp_path / "model.h5", "r+") as file:
+    with edited(tmp_path / "model.h5") as file:
         assert json.loads(file.attrs["stiffness_holds"]) == []
         file.attrs["stiffness_holds"] = '["magic"]'
     with pytest.raises(InputError, match="stiffness_holds"):

@@ -13,6 +13,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from jobs import TIMEOUT, attrito_here, blocks, write_blocks, write_job
 
 from attrito.model.outer_surface import outer_surface
@@ -195,7 +196,7 @@ def test_faces_whose_motion_is_not_recovered_are_left_out_and_too_few_are_no_vie
 
 def test_an_unfinished_mode_says_what_its_job_asked_for(tmp_path):
     path = synthetic.write_result(tmp_path / "m.h5", [100.0], {"tip": [1.0]})
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file.attrs["format"] = "attrito mode"
         job = json.loads(file.attrs["job"]) | {"mode": {"method": "quasi_static", "near_hz": 99.0}}
         file.attrs["job"] = json.dumps(job)
@@ -209,7 +210,7 @@ def test_an_unfinished_mode_says_what_its_job_asked_for(tmp_path):
 def test_without_its_reduced_model_a_report_has_no_moving_view(result, solved, tmp_path):
     path = tmp_path / "r.h5"
     path.write_bytes((solved / "result.h5").read_bytes())
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file.attrs["rom_file"] = str(tmp_path / "gone.h5")
     with Result(path) as other:
         assert moving(View(other)) is None

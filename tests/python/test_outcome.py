@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import json
 
-import h5py
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from matplotlib.collections import PolyCollection
 
 from attrito.plots.solid import axes_of_view
@@ -64,7 +64,7 @@ def test_the_model_is_drawn_by_the_faces_that_look_at_the_viewer(tmp_path):
     path = synthetic.write_result(tmp_path / "r.h5", [1.0], {"tip": [1.0]})
     load = {"kind": "harmonic", "cosine": [[["node", int(model.node_ids[0]), "x"], 1.0]], "sine": []}
     monitor = {"name": "tip", "dofs": [[["node", "tip", "x"], 1.0]]}
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file.attrs["job"] = json.dumps({"load": [load], "output": {"monitors": [monitor]}})
     with Result(path) as result:
         figure = model_picture(View(result), model)

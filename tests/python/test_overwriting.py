@@ -11,6 +11,7 @@ import pytest
 import scipy.io
 import scipy.sparse as sparse
 import synthetic
+from edited import edited
 from jobs import attrito_here, toml, wedge, write_job
 
 from attrito.model.model_file import write_model
@@ -32,7 +33,7 @@ def folder(tmp_path) -> Path:
     write_model(tmp_path / "model.h5", model, [])
     motion = np.zeros((1, model.size, 3))
     synthetic.write_result(tmp_path / "result.h5", [100.0], {"tip": [1.0]}, coordinates=motion)
-    with h5py.File(tmp_path / "result.h5", "r+") as file:
+    with edited(tmp_path / "result.h5") as file:
         file.attrs["model_file"] = str(tmp_path / "model.h5")
     os.symlink("result.h5", tmp_path / "link.h5")
     os.symlink("result.h5", tmp_path / "link.html")

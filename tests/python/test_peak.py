@@ -13,6 +13,7 @@ import peaks
 import peaks_scenes
 import pytest
 from bench_library import evaluations
+from edited import edited
 from figures import marks
 from mpi4py import MPI
 from rubbing_mass import DAMPING, element, jenkins
@@ -210,7 +211,7 @@ def test_peaks_before_a_failure_are_written(tmp_path, capfd, monkeypatch):
     assert done.returncode == 1 and "PETSc failed" in done.stderr
     data, _ = read_peaks(str(tmp_path / "result.peaks.h5"))
     assert len(data["level"]) == 2 and (tmp_path / "result.peaks.png").exists()
-    with h5py.File(tmp_path / "result.peaks.h5", "r+") as file:
+    with edited(tmp_path / "result.peaks.h5") as file:
         file["peaks/outcome"][...] = OUTCOMES.index("not_converged")
     drawn = peak_curve(str(tmp_path / "result.peaks.h5"))
     assert "no peak was found" in [text.get_text() for text in drawn.axes[0].texts] and not drawn.axes[0].get_legend()

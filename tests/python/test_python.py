@@ -8,10 +8,10 @@ import subprocess
 import sys
 import textwrap
 
-import h5py
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from jobs import ENVIRONMENT, TIMEOUT, attrito_here, wedge, write_job
 from mpi4py import MPI
 
@@ -133,7 +133,7 @@ def test_files_of_other_programs_and_absent_ones_are_faults(tmp_path):
         with pytest.raises(attrito.InputError, match=expected):
             attrito.open(tmp_path / name)
     path = synthetic.write_result(tmp_path / "other.h5", [1.0], {"tip": [1.0]})
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file.attrs["format"] = "else"
     with pytest.raises(attrito.InputError, match="a file of attrito"):
         attrito.open(path)

@@ -6,12 +6,12 @@ import importlib.util
 import os
 from pathlib import Path
 
-import h5py
 import matrix_writers as write
 import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sparse
+from edited import edited
 from faulty_files import cut, fault_of, replaced
 from two_springs import DATA, STIFFNESS
 
@@ -339,7 +339,7 @@ def test_exodus_without_the_module_that_reads_it_says_what_to_install(name, star
 def of_class(path: Path, kind: str, values: np.ndarray) -> None:
     """A file of version 7.3 whose variable K is of a class of MATLAB's."""
     write.write_matlab_73(path, {"K": values})
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["K"].attrs["MATLAB_class"] = np.bytes_(kind)
 
 

@@ -9,6 +9,7 @@ import sys
 import h5py
 import numpy as np
 import pytest
+from edited import edited
 from elastic import elastic_block, rigid_motions
 from jobs import TIMEOUT, clean_environment
 from mpi4py import MPI
@@ -231,7 +232,7 @@ def test_a_missing_model_is_told_with_its_name(free):
 
 
 def test_a_model_without_mass_is_told_with_the_dataset(free):
-    with h5py.File(free.folder / "model.h5", "r+") as file:
+    with edited(free.folder / "model.h5") as file:
         del file["mass"]
     with pytest.raises(InputError, match="/mass/row_offsets is not in the file"):
         free.reduce(modes=1)

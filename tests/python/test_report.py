@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from jobs import TIMEOUT, attrito_here, chain, wedge, write_job
 from report_pages import check_page
 
@@ -100,7 +101,7 @@ def test_what_failed_and_what_is_unstable_is_told_first(tmp_path):
         unique=[1, -1, 1, 1, 0, -1],
         estimate=[1e-3, np.nan, 0.2, 1e-3, 1e-3, np.nan],
     )
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["points"].attrs["incomplete"] = "the sweep ended at 95 Hz"
     with Result(path) as result:
         told = glance(View(result))
@@ -135,7 +136,7 @@ def test_sliders_that_drift_are_no_examination_of_stability(tmp_path):
     assert ("Stability was not examined ([stability] method).", False) in lines
     assert ("1 point is indeterminate: sliders still move from period to period.", True) in lines
     assert not any("stable." in line for line, _ in lines)
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         reasons = ["", "a multiplier is too near the unit circle"]
         file.create_dataset("stability/reason", data=reasons, dtype=h5py.string_dtype())
         file["points/stable"][:] = [1, -1]
@@ -154,7 +155,7 @@ def test_a_report_says_of_how_many_families_the_reach_is_not_known_and_that_the_
         tip_low=[1.0, 1.9, np.nan],
         tip_high=[1.0, 2.1, np.nan],
     )
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file.attrs["job"] = json.dumps({"balance": {"approach": "uncoupled"}})
     with Result(path) as result:
         assert View(result).amplitude_widths() == pytest.approx([0.0, 0.1, np.nan], rel=1e-12, nan_ok=True)
@@ -167,7 +168,7 @@ def test_a_report_says_of_how_many_families_the_reach_is_not_known_and_that_the_
 
 def test_bifurcations_are_counted_first_and_listed(tmp_path):
     path = synthetic.write_result(tmp_path / "r.h5", [90.0, 91.0], {"tip": [1.0, 2.0]}, level=[3.0, 3.0])
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["monitors/tip"].create_dataset("harmonics", data=np.ones((2, 3)))
         group = file.create_group("bifurcations")
         columns = {"frequency_hz": [90.25, 90.5], "uncertain_hz": [1e-6, 1e-7], "level": [3.0, 3.0], "kind": [0, 1]}
@@ -198,7 +199,7 @@ def test_a_result_with_little_in_it_still_makes_a_page(tmp_path, amplitude):
     outcome = ["converged" if np.isfinite(value) else "not_converged" for value in amplitude]
     frequency = np.linspace(1.0, 2.0, len(amplitude))
     path = synthetic.write_result(tmp_path / "r.h5", frequency, {"tip": amplitude}, outcome=outcome)
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["monitors/tip"].create_dataset("harmonics", data=np.ones((len(amplitude), 3)))
         file["monitors/tip/harmonics"].attrs["unit"] = "user length"
     with Result(path) as result:
@@ -208,7 +209,7 @@ def test_a_result_with_little_in_it_still_makes_a_page(tmp_path, amplitude):
 def test_names_in_a_file_are_text_on_the_page_and_nothing_else(tmp_path):
     name = "<script>alert(1)</script>&\"'"
     path = synthetic.write_result(tmp_path / "r.h5", [1.0, 2.0], {"tip": [1.0, 2.0]})
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["monitors/tip"].create_dataset("harmonics", data=np.ones((2, 3)))
         file.attrs["job_file"], file.attrs["references"] = name, f"{name}; {name}"
         file["points"].attrs["incomplete"] = name
@@ -220,7 +221,7 @@ def test_names_in_a_file_are_text_on_the_page_and_nothing_else(tmp_path):
 
 def test_a_linear_response_of_another_length_than_its_frequencies_is_a_fault(tmp_path):
     path = synthetic.write_result(tmp_path / "r.h5", [1.0, 2.0], {"tip": [1.0, 2.0]})
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["linear/stuck/frequency_hz"], file["linear/stuck/tip"] = np.ones(1), np.ones(0)
     with (
         Result(path) as result,

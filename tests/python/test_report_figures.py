@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
-import h5py
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from jobs import attrito_here, chain, write_job
 
 from attrito.report.figures import dissipation
@@ -32,7 +32,7 @@ def test_amplitudes_of_harmonics_and_the_motion_are_those_of_a_closed_form():
 def test_the_content_of_a_monitor_is_drawn_as_it_is_stored(tmp_path):
     path = synthetic.write_result(tmp_path / "r.h5", [1.0, 2.0], {"tip": [1.0, 2.0]})
     stored = np.array([[0.0] * 7, [2.0, 3.0, -4.0, 0.0, 0.5, 0.0, 0.0]])
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["monitors/tip"].create_dataset("harmonics", data=stored).attrs["unit"] = "mm"
     with Result(path) as result:
         upper, lower = content(result, "tip", 1).axes

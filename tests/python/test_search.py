@@ -9,6 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from edited import edited
 from jobs import run, stiff_wedge, swept, table
 
 from attrito.job.reading import read_job
@@ -106,10 +107,10 @@ def test_a_point_of_another_scene_is_a_fault_and_one_under_other_loads_is_not(tm
         done = run(tmp_path, other, code=2)
         assert "[continuation] start = 'point:1': expected a result of this scene in result.h5" in done.stderr
         assert "another model, reduction or contacts" in done.stderr
-    with h5py.File(tmp_path / "result.h5", "r+") as file:
+    with edited(tmp_path / "result.h5") as file:
         file["contacts/slider"][1] = np.nan
     assert "expected a point that has converged" in run(tmp_path, job, code=2).stderr
-    with h5py.File(tmp_path / "result.h5", "r+") as file:
+    with edited(tmp_path / "result.h5") as file:
         del file["contacts/slider"]
     assert "expected a result of `attrito run` in result.h5" in run(tmp_path, job, code=2).stderr
 

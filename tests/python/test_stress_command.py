@@ -12,6 +12,7 @@ import meshio
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from figures import line
 from jobs import attrito_here
 from scipy.sparse import identity
@@ -46,7 +47,7 @@ def bar(folder, elastic: bool = True, units: str = ""):
     motion = np.stack([STATIC * stretch, np.zeros(model.size), ALTERNATING * stretch], axis=1)
     field = np.stack([motion, motion * [1.0, 2.0, 2.0]])
     synthetic.write_result(folder / "result.h5", [100.0, 101.0], {"tip": [1.0, 2.0]}, coordinates=field)
-    with h5py.File(folder / "result.h5", "r+") as file:
+    with edited(folder / "result.h5") as file:
         file.attrs["model_file"] = str(folder / "model.h5")
         file.attrs["units"] = units
     return model
@@ -152,7 +153,7 @@ def test_a_fault_of_the_options_is_told(tmp_path, capfd, arguments, said):
 
 def test_linear_modes_have_the_stress_of_an_amplitude(tmp_path, capfd):
     bar(tmp_path)
-    with h5py.File(tmp_path / "result.h5", "r+") as file:
+    with edited(tmp_path / "result.h5") as file:
         file.attrs["format"] = "attrito linear modes"
         file["points/coordinates"][:, :, 0] = 0.0
     (tmp_path / "result.h5").rename(tmp_path / "bar.modes.h5")
@@ -167,7 +168,7 @@ def test_linear_modes_have_the_stress_of_an_amplitude(tmp_path, capfd):
 def test_nodes_whose_motion_was_not_recovered_are_left_out_or_refused_where_asked_for(tmp_path, capfd):
     model = bar(tmp_path)
     kept = np.flatnonzero(~np.isin(model.dof_node, model.node_sets["tip"]))
-    with h5py.File(tmp_path / "result.h5", "r+") as file, h5py.File(tmp_path / "rom.h5", "w") as rom:
+    with edited(tmp_path / "result.h5") as file, h5py.File(tmp_path / "rom.h5", "w") as rom:
         file.attrs["rom_file"] = str(tmp_path / "rom.h5")
         rom["recovery/basis"], rom["recovery/dof"] = np.eye(model.size)[:, kept], kept.astype(np.int64)
         rom["boundary/dof"] = np.arange(0)
@@ -181,7 +182,7 @@ def test_nodes_whose_motion_was_not_recovered_are_left_out_or_refused_where_aske
 
 def test_a_result_of_several_levels_names_them(tmp_path, capfd):
     bar(tmp_path)
-    with h5py.File(tmp_path / "result.h5", "r+") as file:
+    with edited(tmp_path / "result.h5") as file:
         file["points/level"][:] = [0.5, 2.0]
     done = attrito_here(tmp_path, capfd, "stress", "result.h5", "--points", "0,1")
     assert "point 0, 100 Hz, level 0.5: 16 nodes" in done.stdout, done.stderr
@@ -321,7 +322,7 @@ def test_a_model_file_gives_back_constants_and_refuses_those_of_no_solid(tmp_pat
     assert np.array_equal(read.elastic["C3D8"], model.elastic["C3D8"], equal_nan=True)
     for name, value in (("young_modulus", -1.0), ("young_modulus", np.inf), ("poisson_ratio", 0.5)):
         write_model(tmp_path / "model.h5", model, [])
-        with h5py.File(tmp_path / "model.h5", "r+") as file:
+        with edited(tmp_path / "model.h5") as file:
             file[f"elements/C3D8/{name}"][2] = value
         with pytest.raises(InputError, match="of element 2'?: expected a modulus above 0"):
             read_model(str(tmp_path / "model.h5"), matrices=False)
@@ -329,7 +330,7 @@ def test_a_model_file_gives_back_constants_and_refuses_those_of_no_solid(tmp_pat
 
 def test_a_mode_s_file_without_a_model_is_refused(tmp_path, capfd):
     bar(tmp_path)
-    with h5py.File(tmp_path / "result.h5", "r+") as file:
+    with edited(tmp_path / "result.h5") as file:
         file.attrs["model_file"] = ""
         file.attrs["job"] = json.dumps({"output": {"monitors": [{"name": "tip"}]}})
     done = attrito_here(tmp_path, capfd, "stress", "result.h5")

@@ -9,6 +9,7 @@ import jobs
 import mode_jobs
 import numpy as np
 import pytest
+from edited import edited
 from report_pages import Outline, check_page
 from scipy.stats import spearmanr
 
@@ -101,7 +102,7 @@ def test_studies_of_responses_and_modes_have_pages_too_and_each_fits_two_sheets(
 def test_what_is_not_to_be_trusted_is_a_warning(tmp_path, capfd):
     path = study(tmp_path, capfd, "model", design="second_order")
     assert not any(warn for *_, warn in trust(read_summary(str(path))))
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["model_error/amplitude"][0] = 0.2
         file["peaks/outcome"][3] = list(file["peaks/outcome"].attrs["names"]).index("not_converged")
         file.attrs["warnings"] = "something is amiss"

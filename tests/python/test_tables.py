@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from jobs import attrito
 
 from attrito.results.info import describe
@@ -28,7 +29,7 @@ def two_sets(tmp_path):
     names = np.array([b"root", b"shroud", b"root", b"shroud", b"root"], dtype="S24")
     path = synthetic.write_result(tmp_path / "result.h5", [90.0, 91.0], {"tip": [3.0, 4.0]}, contacts=data,
                                   parameters={"set": names}, stable=[1, -1])  # fmt: skip
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         file["monitors/tip/harmonics"] = np.array([[0.0, 3.0, 0.0], [0.0, 0.0, 4.0]])
     return path
 
@@ -74,7 +75,7 @@ def test_a_frame_has_the_numbers_of_the_table(two_sets):
 
 
 def test_a_notebook_shows_what_a_result_holds_and_no_markup_of_the_file(two_sets):
-    with h5py.File(two_sets, "r+") as file:
+    with edited(two_sets) as file:
         file.attrs["job_file"] = "<script>"
     with Result(two_sets) as result:
         page = result._repr_html_()

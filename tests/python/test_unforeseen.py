@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import scipy.io
 import scipy.sparse as sparse
+from edited import edited
 from full_disk import one_message, with_room_for
 from fuzz import run_cases
 from jobs import attrito_here, table, wedge, write_job
@@ -151,7 +152,7 @@ def test_what_is_no_file_is_not_waited_for(tmp_path, capfd, what):
 
 def test_a_result_with_links_that_lead_nowhere_is_told(tmp_path, capfd):
     path = write_result(tmp_path / "result.h5", [100.0], {"tip": [1.0]})
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         del file["points/outcome"]
         file["points/outcome"] = h5py.SoftLink("/points/outcome")
     done = attrito_here(tmp_path, capfd, "table", "result.h5")

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-import h5py
 import meshio
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 from scipy.sparse import block_diag, csr_matrix
 from scipy.spatial import cKDTree
 from wheels import AXIS, ring, sector_job
@@ -181,7 +181,7 @@ def write_wave(folder, job, sector, motion, frequency):
     """A result of one point whose coordinates, as solved, move so."""
     coordinates = np.stack([np.zeros(len(motion)), motion.real, -motion.imag], axis=1)
     synthetic.write_result(folder / "result.h5", [frequency], {"rim": [1.0]}, coordinates=coordinates[None])
-    with h5py.File(folder / "result.h5", "r+") as file:
+    with edited(folder / "result.h5") as file:
         file.attrs.update(attributes_of_sector(sector) | job.attributes)
         file.attrs["model_file"] = str(folder / "model.h5")
         for name, (values, _) in axes_of_sector(sector).items():
@@ -192,7 +192,7 @@ def test_a_whole_model_has_no_wheel_to_draw(tmp_path, capfd):
     model = ring(SECTORS)
     write_model(tmp_path / "model.h5", model, [])
     synthetic.write_result(tmp_path / "result.h5", [1.0], {"rim": [1.0]}, coordinates=np.zeros((1, model.size, 3)))
-    with h5py.File(tmp_path / "result.h5", "r+") as file:
+    with edited(tmp_path / "result.h5") as file:
         file.attrs["model_file"] = str(tmp_path / "model.h5")
     assert main(["export", str(tmp_path / "result.h5"), "--wheel"]) == 2
     assert "export: --wheel = 'given': expected a result of a job with [cyclic]" in capfd.readouterr().err

@@ -18,6 +18,7 @@ from attrito.model.surfaces import element_family
 from attrito.results.periodic_vectors import fourier, longest
 from attrito.results.result import LINEAR_MODES, Result
 from attrito.support.errors import Fault, InputError
+from attrito.support.file_sums import checked
 from attrito.support.hdf5_reading import stored
 from attrito.support.locks import writing_alone
 from attrito.support.overwrite_check import check_spared
@@ -246,7 +247,7 @@ def full_field(result: Result, point: int, dofs: int, rom_file: str | None, part
         if made_with and str(rom.attrs.get("fingerprint", "")) != made_with:
             expected = f"the reduced model that {result.path} was made with: run its job again"
             raise InputError(Fault(rom_file, "fingerprint", "of another reduction", expected))
-        basis = rom["/recovery/basis"]
+        basis = checked(rom["/recovery/basis"], rom_file)
         kept = rom["/recovery/dof"][:] if "recovery/dof" in rom else None
         width = dofs if kept is None else len(kept)
         if basis.shape != (len(coordinates), width):

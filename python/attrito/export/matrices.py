@@ -23,6 +23,7 @@ from attrito.model.model_file import FORMAT as MODEL
 from attrito.model.model_file import read_model
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import Fault, InputError
+from attrito.support.file_sums import checked
 from attrito.support.hdf5_reading import stored
 from attrito.support.overwrite_check import check_spared
 
@@ -93,7 +94,8 @@ def read_matrices(path: str, model: str | None = None) -> Matrices:
 
 
 def _of_rom(file: h5py.File, path: str, model: str | None) -> Matrices:
-    matrices = {name: csr_matrix(file[name][()]) for name in ("stiffness", "mass", "damping") if name in file}
+    there = [name for name in ("stiffness", "mass", "damping") if name in file]
+    matrices = {name: csr_matrix(checked(file[name], path)[()]) for name in there}
     boundary, rows = file["boundary/dof"][()], len(file["coordinates/kind"])
     given = model or next((place for place in _places(file, path) if Path(place).is_file()), None)
     if given is None:

@@ -18,6 +18,7 @@ import numpy as np
 from attrito.importers.foreign import HDF5, NETCDF
 from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
 from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import stored
 
 if TYPE_CHECKING:
     import meshio
@@ -59,6 +60,9 @@ def read_meshio_mesh(path: str | Path) -> Mesh:
     if kind == "exodus" and importlib.util.find_spec("netCDF4") is None:
         remedy = "netCDF4, by which meshio reads Exodus: install python3-netcdf4, or export the mesh as .med or .vtu"
         raise InputError(Fault(str(path), "file", "a mesh of Exodus; Python has no module netCDF4", remedy))
+    if start.startswith(HDF5):
+        with stored(path, expected):
+            pass
     try:
         # `meshio.read` would end the program on a file it cannot read, and its readers print warnings.
         with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):

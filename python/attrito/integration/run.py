@@ -32,7 +32,8 @@ from attrito.scene.scene import Scene
 from attrito.scene.wheel import wave_in_wheel, whole_wheel
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import InputError, UnsolvedError
-from attrito.support.hdf5_reading import UNREADABLE
+from attrito.support.file_sums import check_sums
+from attrito.support.hdf5_reading import UNREADABLE, check_datasets
 from attrito.support.hdf5_writing import described
 from attrito.support.locks import writing_alone
 from attrito.support.parallel import on_root, on_root_only
@@ -272,7 +273,11 @@ def write(
 def _is_ours(path: str) -> bool:
     try:
         with h5py.File(path) as file:
-            return file.attrs.get("format") in FORMATS
+            if file.attrs.get("format") not in FORMATS:
+                return False
+            check_datasets(file, path)
+            check_sums(file, path)
+            return True
     except UNREADABLE:
         return False
 

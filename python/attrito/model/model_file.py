@@ -18,6 +18,7 @@ from scipy.sparse import csr_matrix
 from attrito.model.model import HOLDINGS, Model
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import NO_ROOM, Fault, InputError, unusable_file
+from attrito.support.file_sums import checked
 from attrito.support.hdf5_reading import stored
 from attrito.support.hdf5_writing import described
 
@@ -233,7 +234,7 @@ class _Reader:
         if not is_array:
             value = "missing" if dataset is None else str(dataset)
             raise InputError(*self.faults, Fault(self.path, name, value, f"numbers in {dimensions} dimension(s)"))
-        read = dataset[()]
+        read = checked(dataset, self.path)[()]
         # Entries of matrices are looked at with the matrix, which names their place.
         if read.dtype.kind == "f" and not unknown and not name.endswith("/values") and not np.all(np.isfinite(read)):
             place = tuple(int(i) for i in np.argwhere(~np.isfinite(read))[0])

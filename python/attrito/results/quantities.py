@@ -22,7 +22,8 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 
 from attrito.job.reference import as_job
 from attrito.support.errors import Fault, InputError
-from attrito.support.hdf5_reading import as_text
+from attrito.support.file_sums import check_sums
+from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets, spoilt
 
 
 class Quantity(NDArrayOperatorsMixin):
@@ -182,6 +183,15 @@ class File(Group):
         if not form.startswith("attrito "):
             opened.close()
             raise InputError(Fault(name, "format", form, "a file of attrito"))
+        try:
+            check_datasets(opened, name)
+            check_sums(opened, name)
+        except UNREADABLE as error:
+            opened.close()
+            raise spoilt(name, error, "a file of attrito") from error
+        except InputError:
+            opened.close()
+            raise
         super().__init__(opened, name)
 
     @property

@@ -16,6 +16,7 @@ from attrito.library.names import NO_SOLUTION
 from attrito.results.journal import is_journal
 from attrito.results.result_file import fill_result
 from attrito.support.errors import Fault, InputError
+from attrito.support.file_sums import check_sums
 from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets, spoilt
 from attrito.support.units import axis_unit
 
@@ -66,6 +67,8 @@ class Result:
             expected = f"a result of {made_by} (`attrito info` describes other files)"
             raise InputError(Fault(self.path, "format", form, expected))
         check_datasets(self._file, self.path)
+        if not is_journal(self.path):
+            check_sums(self._file, self.path)
         points = self._file.get("points/frequency_hz")
         if not isinstance(points, h5py.Dataset):
             return

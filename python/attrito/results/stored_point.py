@@ -11,6 +11,7 @@ from attrito.library.points import StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.scene.reduced_model import coordinates_fingerprint
 from attrito.support.errors import InputError
+from attrito.support.file_sums import check_sums
 from attrito.support.hdf5_reading import UNREADABLE, check_datasets
 
 NAMES = ("points/coordinates", "contacts/slider", "points/frequency_hz")
@@ -25,6 +26,7 @@ def read_point(job: Job, key: str, start: str, path: str, scene: ReducedScene) -
     try:
         with h5py.File(path) as file:
             check_datasets(file, path)
+            check_sums(file, path)
             points = len(file["points/frequency_hz"])
             if number >= points:
                 raise InputError(job.fault(key, start, f"a point of {path}: 0 to {points - 1}"))

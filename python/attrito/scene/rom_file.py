@@ -8,6 +8,7 @@ import h5py
 import numpy as np
 
 from attrito.support.errors import Fault, InputError
+from attrito.support.file_sums import checked
 from attrito.support.hdf5_reading import UNREADABLE, stored
 
 ROM = "a rom.h5 of `attrito reduce` (delete it, and it is made anew)"
@@ -55,7 +56,7 @@ def read_rom(path: str, vectors: int, dofs: int, paired: int) -> Rom:
         size = len(file["mass"])
         wanted = {"mass": (size, size), "stiffness": (size, size), "vectors/reduced": (vectors, size)}
         wanted |= {name: (size, size) for name in ("damping", "gyroscopic") if name in file}
-        read = {name: file[name][()] for name in wanted}
+        read = {name: checked(file[name], path)[()] for name in wanted}
         boundary, kind = file["boundary/dof"][:], file["coordinates/kind"][:]
         interface = file["interface/basis"][()] if "interface" in file else None
         fingerprint, cost = str(file.attrs.get("fingerprint", "")), _mode_error(file)

@@ -17,6 +17,8 @@ from pathlib import Path
 
 import h5py
 
+from attrito.support.file_sums import add_sums
+
 ENDING = ".new"
 
 
@@ -71,18 +73,19 @@ def remove_left_overs(path: str | os.PathLike[str]) -> None:
 
 @contextlib.contextmanager
 def whole_hdf5(
-    path: str | os.PathLike[str], start: str | None = None, named: Callable[[str], None] = lambda name: None
+    path: str | os.PathLike[str], start: str | None = None, named: Callable[[str], None] | None = None
 ) -> Iterator[h5py.File]:
-    """The same for an HDF5 file, open for writing in the block, and on disk after it.
+    """The same for an HDF5 file, open for writing in the block, and on disk with its sums after it.
 
     Parameters
     ----------
     path : the file
     start : a file to begin with: copied if it is `path` itself, else used up
-    named : receives the name that the file has until it is whole
+    named : receives the name that the file has until it is whole, for others to write numbers to; it has no sums then
     """
     with whole_file(path) as new:
-        named(new)
+        if named is not None:
+            named(new)
         if start is not None:
             # A link may lead to another file system.
             (shutil.copyfile if start == str(path) else shutil.move)(start, new)
@@ -90,6 +93,8 @@ def whole_hdf5(
             try:
                 with h5py.File(disk, "w" if start is None else "r+") as file:
                     yield file
+                    if named is None:
+                        add_sums(file)
             except Exception:
                 # What HDF5 or h5py say of a disk that is full follows from what the system said.
                 disk.tell_error()

@@ -14,6 +14,7 @@ import h5py
 import numpy as np
 
 from attrito.support.errors import Fault, InputError
+from attrito.support.file_sums import check_sums
 
 # What h5py and numpy raise on contents that are not what was written.
 UNREADABLE = (
@@ -39,6 +40,8 @@ def stored(path: str | Path, expected: str) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             check_datasets(file, str(path))
+            if as_text(file.attrs.get("format", "")).startswith("attrito "):
+                check_sums(file, str(path))
             yield file
     except UNREADABLE as error:
         raise spoilt(path, error, expected) from error
@@ -67,11 +70,20 @@ def spoilt(path: str | Path, error: BaseException, expected: str) -> InputError:
 
 
 def check_datasets(file: h5py.File, path: str) -> None:
-    """Every dataset lies in the file itself, and none claims more than the file holds of it.
+    """Everything lies in the file itself, and no dataset claims more than the file holds of it.
 
-    A virtual dataset may be made of itself, which HDF5 follows until the stack ends.
+    Links lead to what another file holds, or round in circles; a virtual dataset may be made of itself, which HDF5
+    follows until the stack ends.
     """
     faults: list[Fault] = []
+
+    def look_at_link(name: bytes, link: h5py.h5l.LinkInfo) -> None:
+        if link.type != h5py.h5l.TYPE_HARD:
+            kind = {h5py.h5l.TYPE_SOFT: "a soft link", h5py.h5l.TYPE_EXTERNAL: "an external link"}
+            expected = (
+                "the data in the file itself: attrito follows no links (h5copy -f soft,ext puts data in their place)"
+            )
+            faults.append(Fault(path, name.decode(errors="replace"), kind.get(link.type, "a link"), expected))
 
     def look(name: str, thing: h5py.Group | h5py.Dataset) -> None:
         if not isinstance(thing, h5py.Dataset):
@@ -84,7 +96,9 @@ def check_datasets(file: h5py.File, path: str) -> None:
                 Fault(path, name, f"shape {thing.shape}", f"no more than the {held} bytes that the file holds of it")
             )
 
-    file.visititems(look)
+    file.id.links.visit(look_at_link, info=True)
+    if not faults:
+        file.visititems(look)
     if faults:
         raise InputError(*faults)
 

@@ -1,0 +1,30 @@
+"""Files of attrito that a test changes, and means to be whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import h5py
+
+from attrito.support.file_sums import COUNT, SUM, add_sums
+
+
+@contextmanager
+def edited(path: str | Path) -> Iterator[h5py.File]:
+    """The file, open for writing in the block; its sums, if it has any, are made anew."""
+    with h5py.File(path, "r+") as file:
+        yield file
+        if COUNT in file.attrs:
+            add_sums(file)
+
+
+def without_sums(path: str | Path) -> None:
+    """As earlier versions wrote it."""
+    with h5py.File(path, "r+") as file:
+        things: list[h5py.Group | h5py.Dataset] = [file]
+        file.visititems(lambda name, thing: things.append(thing))
+        for thing in things:
+            del thing.attrs[SUM]
+        del file.attrs[COUNT]
