@@ -50,7 +50,7 @@ def case(request, tmp_path_factory):
 
 def force_of(folder: Path, model, text: str) -> np.ndarray:
     (folder / "load.inp").write_text(text)
-    return deck_force(folder / "load.inp", model)
+    return deck_force(folder / "load.inp", model)[0]
 
 
 def test_forces_on_nodes_that_depend_on_others_are_refused(case, tmp_path):
@@ -79,3 +79,18 @@ def test_angles_of_a_rigid_body_are_no_displacements(tmp_path):
     assert mass(model) == pytest.approx(mass(plain), rel=1e-12)
     assert sorted(model.dof_direction[model.dof_node == 9002]) == [4, 5, 6]
     assert any("3 of the dofs are rotations" in note for note in notes)
+
+
+def test_what_is_given_and_what_goes_into_supports_is_said(tmp_path):
+    model, _ = imported(tmp_path, ("", ""))
+    held = [node for node, (x, _, _) in corners().items() if x == 0.0]
+    lines = f"*CLOAD\n{OTHERS[0]}, 1, 2.0\n{OTHERS[1]}, 3, -3.0\n{OTHERS[1]}, 3, -1.0\n"
+    for more, said in (
+        ("", "forces of 2, 0, -4 along x, y, z"),
+        (f"{held[0]}, 3, -0.5\n{held[1]}, 2, 1.5\n", "forces of 2, 1.5, -4.5 along x, y, z, 0, 1.5, -0.5 of them into"),
+    ):
+        (tmp_path / "load.inp").write_text(lines + more)
+        force, words = deck_force(tmp_path / "load.inp", model)
+        assert said in words and words.endswith("supports" if more else "x, y, z")
+        applied = [force[model.dof_direction == direction].sum() for direction in (1, 2, 3)]
+        assert applied == pytest.approx([2.0, 0.0, -4.0])

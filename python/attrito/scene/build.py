@@ -41,6 +41,7 @@ def build_scene(job: Job) -> Scene:
         raise InputError(*places.faults)
     contacts = _contacts(job, model, places)
     static, harmonic = build_loads(job, model, places)
+    contacts.notes.extend(places.notes)
     check_base_holds(job, model, contacts, places)
     monitors = {
         monitor["name"]: places.vector(monitor["dofs"], f"[output] monitors[{i}]")

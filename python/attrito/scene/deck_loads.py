@@ -25,11 +25,18 @@ from attrito.support.text_files import number
 if TYPE_CHECKING:
     from attrito.model.model import Model
 
+# Part of all forces that is rounding where they are added up
+ROUNDING = 1e-9
 KEYWORDS = ("CLOAD", "DLOAD", "NSET", "ELSET", "HEADING")
 
 
-def deck_force(path: str | Path, model: Model) -> np.ndarray:
-    """Sum of the deck's forces on the model's dofs, `[n]`, user force; all faults of the deck together."""
+def deck_force(path: str | Path, model: Model) -> tuple[np.ndarray, str]:
+    """Sum of the deck's forces on the model's dofs, `[n]`, user force, and what is given, applied and held in words.
+
+    Raises
+    ------
+    InputError : all faults of the deck together
+    """
     reader = _Reader(model)
     blocks = list(read_blocks(path))
     faults = []
@@ -44,7 +51,18 @@ def deck_force(path: str | Path, model: Model) -> np.ndarray:
         faults = _lost(path, reader.forces, model)
     if faults:
         raise InputError(*faults)
-    return model.on_dofs(reader.forces)
+    force = model.on_dofs(reader.forces)
+    return force, f"{path}: {_balance(reader, force)}"
+
+
+def _balance(reader: _Reader, force: np.ndarray) -> str:
+    """What was given along x, y, z, line by line, and what of it goes into supports, the rest being on dofs."""
+    moves = reader.model.translates
+    applied = np.bincount(reader.model.dof_direction[moves] - 1, force[moves], 3)
+    size = np.abs(reader.forces).sum()
+    given, held = (np.where(abs(sums) <= ROUNDING * size, 0.0, sums) for sums in (reader.given, reader.given - applied))
+    words = f"forces of {', '.join(f'{value:.6g}' for value in given)} along x, y, z"
+    return f"{words}, {', '.join(f'{value:.6g}' for value in held)} of them into supports" if held.any() else words
 
 
 def _lost(path: str | Path, forces: np.ndarray, model: Model) -> list[Fault]:
@@ -60,12 +78,12 @@ def _lost(path: str | Path, forces: np.ndarray, model: Model) -> list[Fault]:
 
 
 class _Reader:
-    """Sets known so far, and forces `[N, 3]` summed so far."""
+    """Sets known so far, and forces summed so far: at nodes `[N, 3]`, and by lines `[3]`."""
 
     def __init__(self, model: Model):
         self.model = model
         self.order = np.argsort(model.node_ids)
-        self.forces = np.zeros((len(model.node_ids), 3))
+        self.forces, self.given = np.zeros((len(model.node_ids), 3)), np.zeros(3)
         self.node_sets = {name.upper(): ids for name, ids in model.node_sets.items()}
         self.element_sets: dict[str, np.ndarray] = {}
         self.elements = _Elements(model)
@@ -95,6 +113,7 @@ class _Reader:
         if len(unknown):
             raise InputError(block.fault(f"node {unknown[0]}", "a node of the model"))
         np.add.at(self.forces, (self.row_of(nodes), int(direction) - 1), value)
+        self.given[int(direction) - 1] += value * len(nodes)
 
     def _pressure(self, block: Block, line: str) -> None:
         where, label, value = self._fields(block, line, "element or element set, P1 to P6, pressure")
@@ -104,7 +123,9 @@ class _Reader:
         ids = self._members(block, where, self.element_sets, "an element of the model, or an *ELSET of this deck")
         for faces in self.elements.faces(ids, int(label[1:]), block):
             pressure = np.full(len(faces), value)
-            self.forces += pressure_forces(self.model.coordinates, self.row_of(faces), pressure)
+            forces = pressure_forces(self.model.coordinates, self.row_of(faces), pressure)
+            self.forces += forces
+            self.given += forces.sum(axis=0)
 
     def _fields(self, block: Block, line: str, expected: str) -> tuple[str, str, float]:
         words = [word.strip() for word in line.rstrip(", ").split(",")]

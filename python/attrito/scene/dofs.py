@@ -15,11 +15,12 @@ from attrito.support.errors import Fault
 
 
 class DofResolver:
-    """Dofs of a model by number or node, and the faults found on the way."""
+    """Dofs of a model by number or node, and the faults found on the way, and notes for the user."""
 
     def __init__(self, job: Job, model: Model):
         self.job, self.model = job, model
         self.faults: list[Fault] = []
+        self.notes: list[str] = []
         self.dofs = {}
         if model.dof_node is not None:
             pairs = zip(model.dof_node.tolist(), model.dof_direction.tolist(), strict=True)

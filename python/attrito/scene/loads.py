@@ -89,20 +89,22 @@ def _given(job: Job, model: Model, places: DofResolver, value: Any, key: str) ->
     if not isinstance(value, str):
         return places.vector(value, key)
     try:
-        return _from_file(job, model, value, key)
+        return _from_file(job, model, value, key, places)
     except InputError as error:
         places.faults += error.faults
         return np.zeros(model.size)
 
 
-def _from_file(job: Job, model: Model, name: str, key: str) -> np.ndarray:
+def _from_file(job: Job, model: Model, name: str, key: str, places: DofResolver) -> np.ndarray:
     path = job.file(name)
     suffix = Path(path).suffix
     try:
         if suffix == ".inp":
             if not model.has_mesh:
                 raise InputError(job.fault(key, name, "numbers for the dofs, since the model has no mesh"))
-            return deck_force(path, model)
+            force, words = deck_force(path, model)
+            places.notes.append(f"{key}: {words}")
+            return force
         vector = np.load(path) if suffix == ".npy" else np.loadtxt(path, ndmin=1)
     except OSError as error:
         raise InputError(job.fault(key, name, f"a file that can be read ({error.strerror})")) from None
