@@ -92,6 +92,10 @@ contains
     integer :: i, k, order
 
     k = size(motion, 1)
+    if (all(intervals%regime == regime_open)) then
+      call let_go(law, motion, forces)
+      return
+    end if
     order = (size(forces%deviation, 1) + k)/2 - 1
     ends = new_ends([intervals(1)%from, intervals%to], order)
     moving = new_moments(order)
@@ -126,6 +130,30 @@ contains
     end associate
     call integrate_rest(law, intervals, ends, k, forces)
   end subroutine integrate
+
+  !> A contact that is open all the time has exactly no force: g = -K_c d, in which the gap does not occur, however large it is.
+  pure subroutine let_go(law, motion, forces)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Coefficients of relative displacement, by harmonic and row
+    real(wp), intent(in) :: motion(:, :)
+    !> Forces of one contact over the period, and their derivatives
+    type(contact_forces_type), intent(inout) :: forces
+    integer :: i, k, least
+
+    k = size(motion, 1)
+    least = min(k, size(forces%deviation, 1))
+    forces%deviation = 0.0_wp
+    forces%deviation(:least, 1) = -law%tangential_stiffness*motion(:least, 1)
+    forces%deviation(:least, 2) = -law%normal_stiffness*motion(:least, 2)
+    if (allocated(forces%jacobian)) deallocate (forces%jacobian)
+    if (forces%without_jacobian) return
+    allocate (forces%jacobian(2*k, 2*k), source=0.0_wp)
+    do i = 1, k
+      forces%jacobian(i, i) = -law%tangential_stiffness
+      forces%jacobian(k + i, k + i) = -law%normal_stiffness
+    end do
+  end subroutine let_go
 
   !> What sliders at rest add: a constant, which follows the motion at the instant that put it there.
   subroutine integrate_rest(law, intervals, ends, k, forces)

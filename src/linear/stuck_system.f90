@@ -30,6 +30,11 @@ module attrito_linear_stuck_system
   character(*), parameter :: not_positive_mass = &
                              'mass: the (reduced) mass matrix is not positive definite: expected every dof to carry mass'
 
+  !> Most negative square of a frequency, as a part of the highest square, that is rounding of a stiffness, not spin softening
+  real(wp), parameter :: largest_rounding = 1.0e-10_wp ! guess
+  !> How many times as large as that one rounding may be
+  real(wp), parameter :: times_rounding = 4.0_wp ! guess
+
   type :: stuck_system_type
     !> K~ [m, m]
     real(wp), allocatable :: stiffness(:, :)
@@ -302,7 +307,8 @@ contains
     self%omega = 1.0_wp/sqrt(self%modal_mass)
   end subroutine modes_by_stiffness
 
-  !> Modes of K~ x = omega^2 M x; K~ may be singular.
+  !> Modes of K~ x = omega^2 M x; K~ may be singular, and then rounding of its entries leaves its rigid-body modes squares of
+  !> frequencies of either sign. The most negative one says how large that rounding is: what is as small is nothing.
   subroutine modes_by_mass(mass, self, error)
     !> Mass, of each mode or as a matrix
     real(wp), intent(in) :: mass(:, :)
@@ -316,6 +322,11 @@ contains
       call raise(error, not_positive_mass, fault_of_input)
       return
     end if
+    associate (square => self%modal_stiffness)
+      if (-square(1) <= largest_rounding*square(size(square))) then
+        where (square <= -times_rounding*square(1)) square = 0.0_wp
+      end if
+    end associate
     self%modal_stiffness = max(self%modal_stiffness, 0.0_wp)
     allocate (self%modal_mass(size(self%modal_stiffness)), source=1.0_wp)
     self%omega = sqrt(self%modal_stiffness)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import csv
+import io
+
 import numpy as np
 import pytest
 from elastic import DENSITY, elastic_block
+from jobs import attrito_here, write_job
 from scipy.linalg import eigh
 from scipy.sparse import block_diag
 
 from attrito.importers.first_look import centre_of_gravity, first_look, natural_frequencies
 from attrito.model.model import Model
+from attrito.model.model_file import write_model
 
 SIZE = (0.12, 0.03, 0.02)
 
@@ -80,3 +85,39 @@ def test_a_structure_without_stiffness_anywhere_is_said_to_have_no_natural_frequ
     model = block()
     model.stiffness = 0.0 * model.stiffness
     assert first_look(model)[1].startswith("natural frequencies: not found (")
+
+
+def with_digits(model: Model, digits: int = 13) -> Model:
+    """Its matrices as a text file of so many digits holds them."""
+    model.damping = None
+    for name in ("stiffness", "mass"):
+        matrix = getattr(model, name).tocsr()
+        matrix.data = np.array([float(f"{value:.{digits - 1}e}") for value in matrix.data])
+        setattr(model, name, 0.5 * (matrix + matrix.T))
+    return model
+
+
+@pytest.mark.parametrize("digits", [10, 12, 13])
+def test_six_rigid_body_modes_are_six_whatever_the_digits_of_the_file(digits, tmp_path, capfd):
+    model = with_digits(block(), digits)
+    exact = np.sqrt(eigh(block().stiffness.toarray(), block().mass.toarray(), eigvals_only=True)[6]) / (2 * np.pi)
+    assert first_look(model)[1].endswith(" Hz and 6 rigid-body modes")
+    write_model(tmp_path / "model.h5", model, [])
+    law = {"normal_stiffness": 1.0e6, "tangential_stiffness": 1.0e6, "friction_coefficient": 0.3, "gap": 1.0}
+    job = {
+        "model": {"file": "model.h5"},
+        "damping": {"ratio": 0.01},
+        # Three nodes that are not in line hold the body where all stick.
+        "contact": [
+            {"normal": [[i + 2, 1.0]], "tangents": [[[i, 1.0]], [[i + 1, 1.0]]], **law} for i in (0, 18, model.size - 3)
+        ],
+        "load": [{"kind": "harmonic", "cosine": [[0, 1.0]]}],
+        "balance": {"harmonics": 1},
+        "sweep": {"frequencies_hz": [exact]},
+        "output": {"file": "result.h5", "monitors": [{"name": "tip", "dofs": [[0, 1.0]]}]},
+    }
+    done = attrito_here(tmp_path, capfd, "linear-modes", write_job(tmp_path, job))
+    assert done.returncode == 0, done.stderr
+    rows = list(csv.DictReader(io.StringIO(done.stdout[done.stdout.index("mode,") :])))
+    assert [row["kind"] for row in rows[:7]] == ["rigid"] * 6 + ["elastic"]
+    assert float(rows[6]["frequency_hz"]) == pytest.approx(exact, rel=1e-6)

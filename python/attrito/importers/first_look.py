@@ -15,6 +15,8 @@ from attrito.model.model import Model
 SHOWN, MOST_DOFS = 3, 40000
 # The shift as a part of tr K / tr M; what is nearer to zero than this part of the shift is a rigid-body mode
 SHIFT, RIGID = 1e-9, 1e-6
+# And what is nearer than this many times the most negative square of a frequency: rounding of the matrices left that
+TIMES_ROUNDING = 4.0
 MOST_RIGID = 6
 
 
@@ -57,7 +59,8 @@ def natural_frequencies(model: Model, count: int) -> np.ndarray:
     start = np.random.default_rng(0).standard_normal(model.size)
     squares = eigsh(stiffness, count, mass, shift, v0=start, OPinv=inverse, return_eigenvectors=False)
     squares = np.sort(squares)
-    return np.sqrt(np.where(squares < RIGID * abs(shift), 0.0, squares)) / (2.0 * np.pi)
+    rounding = max(RIGID * abs(shift), min(-TIMES_ROUNDING * squares[0], abs(shift)))
+    return np.sqrt(np.where(squares <= rounding, 0.0, squares)) / (2.0 * np.pi)
 
 
 def _extents(model: Model) -> list[str]:
