@@ -84,3 +84,25 @@ def test_two_processes_that_write_one_file_by_two_names_are_told_apart(tmp_path)
     lock = Lock(tmp_path / "result.h5")
     assert lock.take() and Lock(tmp_path / "link.h5").is_held()
     lock.release()
+
+
+@pytest.mark.parametrize("name", ["/", ".", "..", "a/.."])
+def test_an_output_without_a_name_is_refused_in_one_message(folder, capfd, name):
+    before = sorted(folder.iterdir())
+    for arguments in (
+        ("export", "result.h5"), ("export", "model.h5", "--matrices", "dmig"), ("chart", "job.toml"),
+        ("plot", "result.h5"), ("report", "result.h5"), ("table", "result.h5"), ("stress", "result.h5"),
+    ):  # fmt: skip
+        done = attrito_here(folder, capfd, *arguments, "-o", name)
+        assert done.returncode == 2
+        assert done.stderr == f"attrito: {arguments[0]}: output = {name!r}: expected the name of a file\n"
+    for command in ("run", "linear-modes", "mode", "peak", "campbell", "integrate"):
+        done = attrito_here(folder, capfd, command, "job.toml", "--set", f'output.file="{name}"')
+        assert done.returncode == 2 and f"[output] file = {name!r}: expected the name of a file" in done.stderr
+    study = (folder / "study.toml").read_text()
+    (folder / "study.toml").write_text(study.replace('file = "job.toml"', f'file = "{name}"'))
+    done = attrito_here(folder, capfd, "study", "study.toml")
+    assert (
+        done.returncode == 2 and "study.toml: file = " in done.stderr and "expected a file, not a folder" in done.stderr
+    )
+    assert sorted(folder.iterdir()) == before

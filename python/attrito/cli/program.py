@@ -22,7 +22,7 @@ from attrito.cli.standard_output import (
     unbreakable_output,
 )
 from attrito.support.errors import Fault, InputError, NumericsError, unforeseen, unusable_file
-from attrito.support.overwrite_check import check_files
+from attrito.support.overwrite_check import check_files, is_nameless
 from attrito.support.verbosity import VERBOSE
 
 # Ranks share the work; threads of BLAS would fight them. To be said before numpy and the library load BLAS.
@@ -60,6 +60,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parallel = options.command in PARALLEL
     with SignalWatch() if parallel else contextlib.nullcontext():
         try:
+            output = getattr(options, "output", None)
+            if output is not None and options.command != "verify" and is_nameless(output):
+                raise InputError(Fault(options.command, "output", output, "the name of a file"))
             check_files(options.command, "file", _read_by(options))
             if options.command not in PRINTED:
                 with unbreakable_output(), _as_talkative(options):

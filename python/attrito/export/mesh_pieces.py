@@ -238,4 +238,6 @@ def _writing(path: str) -> Iterator[None]:
     except OSError as error:
         if error.errno in NO_ROOM:
             raise unusable_file(error) from error
-        raise InputError(Fault(path, "file", str(error), "a place where a file can be written")) from error
+        raise InputError(
+            Fault(path, "file", error.strerror or str(error), "a place where a file can be written")
+        ) from error

@@ -105,7 +105,7 @@ def _text(path: str) -> str:
         with open(path, "rb") as stream:
             content = stream.read()
     except OSError as error:
-        raise InputError(Fault(path, "file", str(error), "a CSV file of measurements that can be read")) from None
+        raise InputError(Fault(path, "file", error.strerror, "a CSV file of measurements that can be read")) from None
     return decoded(content)
 
 

@@ -12,7 +12,7 @@ from attrito.job.laws import check_laws, laws_by_samples
 from attrito.job.schema import ARRAYS, LOAD_KEYS
 from attrito.job.sensitivity import check_sensitivity
 from attrito.support.errors import Fault
-from attrito.support.overwrite_check import is_no_file, is_same_file
+from attrito.support.overwrite_check import is_nameless, is_no_file, is_same_file
 
 
 def cross_check(job: Job, earlier: list[Fault], excited: bool = True) -> list[Fault]:
@@ -280,6 +280,11 @@ def _check_outputs(job: Job) -> list[Fault]:
     """Files to be written must have a place, and not be files that are read or written otherwise."""
     if job["output"]["file"] is None:
         return []
+    tables = ("output", "reduction", "mode", "campbell", "peak")
+    given = [(f"[{table}] file", job[table]["file"]) for table in tables if job[table]["file"] is not None]
+    nameless = [job.fault(key, name, "the name of a file") for key, name in given if is_nameless(name)]
+    if nameless:
+        return nameless
     written = [("[output] file", job.file(job["output"]["file"]))]
     rom = rom_path(job)
     if rom is not None:

@@ -48,7 +48,9 @@ def write_model(path: str | Path, model: Model, source: Sequence[str | Path]) ->
     except OSError as error:
         if error.errno in NO_ROOM:
             raise unusable_file(error) from error
-        raise InputError(Fault(str(path), "file", str(error), "a file that can be written")) from error
+        raise InputError(
+            Fault(str(path), "file", error.strerror or str(error), "a file that can be written")
+        ) from error
 
 
 def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:

@@ -67,7 +67,7 @@ class Study:
     @property
     def picture(self) -> str:
         """The picture that goes beside the file."""
-        return str(Path(self.file).with_suffix(".png"))
+        return f"{os.path.splitext(self.file)[0]}.png"
 
     def sample(self) -> np.ndarray:
         """Values of all samples, `[samples, quantities]`; the same for the same study."""

@@ -31,6 +31,11 @@ def is_no_file(path: str | os.PathLike[str]) -> bool:
     return not (stat.S_ISREG(mode) or stat.S_ISDIR(mode) or passed_on)
 
 
+def is_nameless(path: str) -> bool:
+    """Whether a name is only a folder's way, as `/`, `.` or `..`: no other file's name can be made of it."""
+    return Path(path).name in ("", "..")
+
+
 def is_text(name: str) -> bool:
     """Whether a name is UTF-8: other bytes, as of old network shares, Python hides where HDF5 and pages take none."""
     try:
@@ -62,17 +67,18 @@ def check_files(faults_of: str, key: str, paths: Iterable[str]) -> None:
 def check_spared(
     file: str, key: str, outputs: Iterable[str | os.PathLike[str]], inputs: Iterable[str | os.PathLike[str]]
 ) -> None:
-    """Raise `InputError` where a file to be written is one of those that are read.
+    """Raise `InputError` where a file to be written is a folder, or one of those that are read.
 
     Parameters
     ----------
     file, key : what chooses the outputs, as `export` and `-o`
     outputs, inputs : names of files
     """
-    read = list(inputs)
-    faults = [
+    read, written = list(inputs), list(outputs)
+    faults = [Fault(file, key, str(output), "a file, not a folder") for output in written if os.path.isdir(output)]
+    faults += [
         Fault(file, key, str(output), f"a file other than {name}, which is read")
-        for output in outputs
+        for output in written
         for name in read
         if is_same_file(output, name)
     ]
