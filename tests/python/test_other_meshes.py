@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import resource
+from types import SimpleNamespace
 
 import meshio
 import numpy as np
@@ -167,3 +168,32 @@ def test_a_mesh_without_solids_says_so(tmp_path):
         (tmp_path / f"plate_{name}.mtx").write_text(numbers)
     _, notes = import_model(tmp_path / "plate.h5", abaqus_job=tmp_path / "plate", mesh=tmp_path / "plate.vtu")
     assert [note for note in notes if note.startswith("no solid elements in the mesh: contacts go by nodes alone")]
+
+
+SPOILT = {
+    "corners that are missing": lambda mesh: mesh.cells.__setitem__(0, fake("hexahedron", np.zeros((2, 6), int))),
+    "corners that are no numbers of nodes": lambda mesh: mesh.cells.__setitem__(0, fake("tetra", np.zeros((2, 4)))),
+    "corners in no rows": lambda mesh: mesh.cells.__setitem__(0, fake("tetra", np.zeros(4, int))),
+    "nodes of four coordinates": lambda mesh: setattr(mesh, "points", np.zeros((4, 4))),
+    "nodes in no rows": lambda mesh: setattr(mesh, "points", np.zeros(12)),
+    "nodes that are text": lambda mesh: setattr(mesh, "points", np.full((4, 3), "x")),
+    "families of fewer nodes": lambda mesh: mesh.point_data.update(point_tags=np.zeros(2, int)),
+    "families of more elements": lambda mesh: mesh.cell_data.update(cell_tags=[np.zeros(5, int)]),
+    "a set of no numbers": lambda mesh: mesh.point_sets.update(foot=np.array([0.5])),
+}
+
+
+def fake(kind: str, nodes: np.ndarray) -> SimpleNamespace:
+    """Elements as meshio's readers make them, which check nothing."""
+    return SimpleNamespace(type=kind, data=nodes)
+
+
+@pytest.mark.parametrize("spoil", SPOILT.values(), ids=SPOILT)
+def test_what_meshio_hands_on_is_looked_over(spoil, tmp_path, monkeypatch):
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    mesh = meshio.Mesh(corners, [("tetra", np.array([[0, 1, 2, 3]]))])
+    mesh.write(tmp_path / "mesh.med")
+    spoil(mesh)
+    monkeypatch.setattr(meshio.med, "read", lambda path: mesh)
+    with pytest.raises(InputError, match="mesh.med: "):
+        read_mesh(tmp_path / "mesh.med")

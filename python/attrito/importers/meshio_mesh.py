@@ -70,6 +70,7 @@ def read_meshio_mesh(path: str | Path) -> Mesh:
     except (Exception, SystemExit) as error:
         said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(Fault(str(path), "file", said, expected)) from error
+    _check(str(path), read)
     points = np.zeros((len(read.points), 3))
     points[:, : np.shape(read.points)[1]] = read.points
     mesh = new_mesh(str(path), np.arange(1, len(points) + 1), points)
@@ -78,6 +79,35 @@ def read_meshio_mesh(path: str | Path) -> Mesh:
     mesh.files = [path]
     check_nodes(str(path), mesh)
     return mesh
+
+
+def _check(path: str, read: meshio.Mesh) -> None:
+    """Raise where parts of a mesh do not fit together: meshio hands on what a file holds."""
+    faults = []
+    points = np.asarray(read.points)
+    if points.ndim != 2 or not 1 <= points.shape[1] <= 3 or points.dtype.kind not in "iuf":
+        faults.append(Fault(path, "points", f"{points.dtype} of shape {points.shape}", "x, y, z of each node"))
+    for cells in read.cells:
+        corners = len(_MIRRORED[_SOLIDS[cells.type]]) if cells.type in _SOLIDS else None
+        nodes = np.asarray(cells.data)
+        if corners and (nodes.ndim != 2 or nodes.shape[1] != corners or nodes.dtype.kind not in "iu"):
+            shown = f"{nodes.dtype} of shape {nodes.shape}"
+            faults.append(Fault(path, f"elements {cells.type}", shown, f"{corners} nodes of each element"))
+    tagged = [("nodes", read.point_data.get("point_tags"), len(points))]
+    tagged += [
+        (f"elements {cells.type}", tags, len(cells.data))
+        for cells, tags in zip(read.cells, read.cell_data.get("cell_tags", []), strict=False)
+    ]
+    for what, tags, count in tagged:
+        if tags is not None and np.shape(tags) != (count,):
+            faults.append(
+                Fault(path, f"groups of {what}", f"shape {np.shape(tags)}", f"a family of each of the {count}")
+            )
+    for name, nodes in read.point_sets.items():
+        if np.asarray(nodes).dtype.kind not in "iu":
+            faults.append(Fault(path, f"set {name}", f"{np.asarray(nodes).dtype}", "numbers of nodes"))
+    if faults:
+        raise InputError(*faults)
 
 
 def _add_solids(mesh: Mesh, read: meshio.Mesh) -> None:
