@@ -3,21 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 import h5py
 
 from attrito.support.file_sums import COUNT, SUM, add_sums
+from attrito.support.hdf5_reading import UNREADABLE
+
+
+@contextmanager
+def summed(path: str | Path) -> Iterator[h5py.File]:
+    """A new file, open for writing in the block, with sums as attrito's have."""
+    with h5py.File(path, "w") as file:
+        yield file
+        add_sums(file)
 
 
 @contextmanager
 def edited(path: str | Path) -> Iterator[h5py.File]:
-    """The file, open for writing in the block; its sums, if it has any, are made anew."""
+    """The file, open for writing in the block; its sums, if it has any, are made anew where it can be read."""
     with h5py.File(path, "r+") as file:
         yield file
         if COUNT in file.attrs:
-            add_sums(file)
+            with suppress(*UNREADABLE):
+                add_sums(file)
 
 
 def without_sums(path: str | Path) -> None:

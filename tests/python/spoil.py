@@ -9,6 +9,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from edited import edited
 from jobs import Job, toml
 
 # What values, lines and numbers are replaced by.
@@ -109,7 +110,7 @@ def spoil_bytes(data: bytes, chance: random.Random) -> bytes:
 
 def spoil_hdf5(path: Path, chance: random.Random) -> None:
     """Something of another shape, type, size or kind, not there, or another attribute."""
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         names: list[str] = []
         file.visit(names.append)
         for _ in range(chance.choice([1, 1, 2])):

@@ -20,6 +20,7 @@ import h5py
 import numpy as np
 import scipy.io
 import scipy.sparse as sparse
+from edited import edited
 from jobs import toml
 from spoil_further import Arguments, Kind
 
@@ -250,7 +251,7 @@ def broken_index(folder: Path, path: Path, arguments: Arguments, chance: random.
     """Rows and columns of a sparse matrix that fall, are negative or lie beyond it, in an intact file."""
     bad = chance.choice([[-1], [2**31], [2**62], [0, 3, 1, 4], [], [5, 5, 5, 5]])
     if path.name == "K73.mat":
-        with h5py.File(path, "r+") as file:
+        with edited(path) as file:
             part = chance.choice(["ir", "jc", "data"])
             del file["K"][part]
             file["K"][part] = np.array(
@@ -277,7 +278,7 @@ def broken_index(folder: Path, path: Path, arguments: Arguments, chance: random.
 
 def retyped(folder: Path, path: Path, arguments: Arguments, chance: random.Random) -> None:
     """Datasets of the right shape and of another type of number, or with other axes."""
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         name = chance.choice(_datasets(file))
         values, attributes = file[name][()], dict(file[name].attrs)
         del file[name]
@@ -302,7 +303,7 @@ def retyped(folder: Path, path: Path, arguments: Arguments, chance: random.Rando
 
 def exchanged(folder: Path, path: Path, arguments: Arguments, chance: random.Random) -> None:
     """Two datasets of a file in one another's place."""
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         first, second = chance.sample(_datasets(file), 2)
         file.move(first, "between")
         file.move(second, first)
@@ -311,7 +312,7 @@ def exchanged(folder: Path, path: Path, arguments: Arguments, chance: random.Ran
 
 def renumbered(folder: Path, path: Path, arguments: Arguments, chance: random.Random) -> None:
     """Whole numbers that no longer point to what is there, and numbers that are none, in intact datasets."""
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         whole = [name for name in _datasets(file) if file[name].dtype.kind in "iuf" and file[name].size]
         for name in chance.sample(whole, min(len(whole), chance.choice([1, 1, 4]))):
             values = file[name][()]
@@ -334,7 +335,7 @@ def renumbered(folder: Path, path: Path, arguments: Arguments, chance: random.Ra
 
 def attributed(folder: Path, path: Path, arguments: Arguments, chance: random.Random) -> None:
     """Attributes of other types and versions, and what they say of another file."""
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         things = [file, *(file[name] for name in _datasets(file))]
         thing = file if chance.random() < 0.6 else chance.choice(things)
         keys = list(thing.attrs) or ["format"]
@@ -350,7 +351,7 @@ def attributed(folder: Path, path: Path, arguments: Arguments, chance: random.Ra
 
 def filtered(folder: Path, path: Path, arguments: Arguments, chance: random.Random) -> None:
     """Chunks that do not unpack, sums that are wrong, and data that lies in other files that are not there."""
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         name = chance.choice([one for one in _datasets(file) if file[one].size and not file[one].dtype.hasobject])
         values, attributes = np.atleast_1d(file[name][()]), dict(file[name].attrs)
         del file[name]

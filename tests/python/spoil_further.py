@@ -19,6 +19,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
+from edited import edited
 from jobs import toml
 
 Arguments = tuple[str, ...]
@@ -173,7 +174,7 @@ def _forge(header: dict, chance: random.Random) -> None:
 
 def linked(folder: Path, path: Path, arguments: Arguments, chance: random.Random) -> None:
     """Links in an HDF5 file that lead to nothing, to themselves, to other files; datasets of other classes."""
-    with h5py.File(path, "r+") as file:
+    with edited(path) as file:
         names: list[str] = []
         file.visit(names.append)
         name = chance.choice(names)

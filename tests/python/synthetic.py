@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import h5py
 import numpy as np
+from edited import summed
 from scipy.optimize import brentq
 
 from attrito.library.names import STATES
@@ -149,7 +149,7 @@ def write_result(
     for name, default in (("branch", 0), ("iterations", 3), ("period", 1), ("unique", -1), ("stable", -1)):
         filled[name] = np.asarray(points.get(name, np.full(count, default)), dtype=np.int32)
     outcome = points.get("outcome", ["converged"] * count)
-    with h5py.File(path, "w") as file:
+    with summed(path) as file:
         file.attrs["format"] = "attrito result"
         file.attrs["format_version"] = 1
         file.attrs["job"] = json.dumps({"output": {"monitors": [{"name": name} for name in monitors]}})

@@ -11,6 +11,7 @@ import h5py
 import numpy as np
 import pytest
 import scipy.io
+from edited import edited
 from scipy.sparse import csr_matrix
 from scipy.sparse.linalg import eigsh
 from two_springs import DATA, MASS, STIFFNESS
@@ -444,7 +445,7 @@ def test_files_that_are_no_models_are_refused(tmp_path):
 )
 def test_model_files_whose_parts_do_not_fit_are_refused(name, values, said, tmp_path):
     import_model(**copy_springs(tmp_path))
-    with h5py.File(tmp_path / "model.h5", "a") as file:
+    with edited(tmp_path / "model.h5") as file:
         del file[name]
         if values is not None:
             file[name] = values

@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 import synthetic
+from edited import edited
 
 from attrito.results.result import Result
 from attrito.results.tables import contact_table, multiplier_table, table
@@ -125,7 +126,7 @@ def test_an_indeterminate_point_holds_a_solution_and_a_missing_orbit_does_not(tm
 def test_names_written_as_python_strings_or_one_line_are_read_alike(tmp_path):
     path = synthetic.write_result(tmp_path / "r.h5", [1.0], {}, outcome=["not_converged"])
     for names in (list(synthetic.OUTCOMES), ", ".join(synthetic.OUTCOMES)):
-        with h5py.File(path, "a") as file:
+        with edited(path) as file:
             del file["points/outcome"].attrs["names"]
             file["points/outcome"].attrs["names"] = names
         with Result(path) as result:
@@ -145,7 +146,7 @@ def test_a_file_that_is_no_result_is_named_in_one_line(tmp_path):
 
 
 def test_a_missing_dataset_an_unknown_monitor_and_a_wrong_point_are_faults(three_points):
-    with h5py.File(three_points, "a") as file:
+    with edited(three_points) as file:
         del file["points/estimate"]
     with Result(three_points) as result:
         with pytest.raises(InputError, match="/points/estimate"):
