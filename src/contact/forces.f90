@@ -35,6 +35,8 @@ module attrito_contact_forces
     !> Is the slider at the start of the period to be found with the motion, and how does it depend on it?
     logical :: periodic = .false.
     type(periodic_slider_type) :: link
+    !> Two tangents: has the slider been found within the evaluation, by several marches? As an unknown it takes one
+    logical :: closed_here = .false.
     !> Two tangents: is there a place where the slider would rest all over the period?
     logical :: may_stick = .false.
     !> One of `state_...`

@@ -19,14 +19,17 @@ module attrito_contact_trigonometric_roots
 
 contains
 
-  !> A grid for polynomials of some degree: eight points a period of the highest harmonic.
-  function new_grid(harmonics) result(self)
+  !> A grid for polynomials of some degree: eight points a period of the highest harmonic, and as many beside, unless given.
+  function new_grid(harmonics, density) result(self)
     !> Highest harmonic, H
     integer, intent(in) :: harmonics
+    !> Points a period of the highest harmonic
+    integer, intent(in), optional :: density
     type(trigonometric_grid_type) :: self
     integer :: j, points
 
     points = 8*harmonics + 9
+    if (present(density)) points = density*(harmonics + 1) + 1
     self%theta = [(two_pi*j/(points - 1), j=0, points - 1)]
     allocate (self%values(points, 2*harmonics + 1))
     do j = 1, points
