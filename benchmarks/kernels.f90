@@ -6,6 +6,7 @@ module attrito_bench_kernels
   use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
+  use attrito_contact_disc_motion, only: new_disc_rules
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
@@ -147,7 +148,7 @@ contains
   end function attrito_bench_linear_response
 
   !> Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
-  !> of the period that it does not stick. By events (one tangent) or by samples; two tangents marched once as a periodic slider, or
+  !> of the period that it does not stick. By events or by samples; two tangents marched once as a periodic slider, or
   !> twice.
   subroutine attrito_bench_time_contact(law, coefficients, samples, motion, by_events, periodic, repeats, seconds, moving) bind(c)
     type(contact_law_type), intent(in) :: law
@@ -162,7 +163,8 @@ contains
     integer :: i
 
     contact(1) = law_of(law)
-    quadrature = quadrature_type(by_events /= 0, new_fourier((coefficients - 1)/2, samples), new_grid((coefficients - 1)/2))
+    quadrature = quadrature_type(by_events /= 0, new_fourier((coefficients - 1)/2, samples), new_grid((coefficients - 1)/2), &
+                                 new_disc_rules((coefficients - 1)/2))
     allocate (forces%deviation(coefficients, law%tangents + 1))
     started = clock()
     do i = 1, repeats

@@ -10,7 +10,8 @@ module attrito_balance_set_up
   use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contacts_type, slider_width
   use attrito_model_structure, only: structure_type
-  use attrito_contact_evaluation, only: goes_by_events
+  use attrito_contact_disc_motion, only: new_disc_rules
+  use attrito_contact_evaluation, only: may_need_samples
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_balance_active_rows, only: active_rows_type
@@ -63,6 +64,7 @@ contains
 
     call set_samples(self, harmonics, samples)
     self%quadrature%grid = new_grid(harmonics)
+    self%quadrature%discs = new_disc_rules(harmonics)
     if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
     allocate (self%harmonic_load(size(self%static_loads, 1), 0:harmonics), source=(0.0_wp, 0.0_wp))
     given = min(size(structure%harmonic_load, 2), 2*harmonics + 1)
@@ -78,7 +80,7 @@ contains
     logical :: needed
 
     needed = .not. allocated(self%law)
-    if (.not. needed) needed = .not. all(goes_by_events(self%law, self%quadrature%by_events)) &
+    if (.not. needed) needed = any(may_need_samples(self%law, self%quadrature%by_events)) &
                                .or. self%quadrature%fourier%samples /= samples
     if (.not. needed) return
     call self%quadrature%fourier%destroy()

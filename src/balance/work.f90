@@ -3,6 +3,8 @@
 !>
 !>     contact by events            168 k^2                 (8 intervals of a period, Jacobian included)
 !>     contact by samples           4 k^2 J, with two tangents 12 k^2 J + 28 k J
+!>     contact with two tangents by events
+!>                                  n (12 k^2 + 48 k + 600), with n = 5 k nodes of slip
 !>     residual                     6 k m n
 !>     linearised step              4 (a/k) a n + 2 a^3 / 3, with factors kept 2 a^2, by iterations 4 a n each
 !>     factors of a block of u unknowns
@@ -30,7 +32,9 @@ contains
     real(wp) :: k
 
     k = coefficients
-    if (goes_by_events(law, quadrature%by_events)) then
+    if (goes_by_events(law, quadrature%by_events) .and. law%tangents == 2) then
+      contact_work = 5.0_wp*k*(12.0_wp*k**2 + 48.0_wp*k + 600.0_wp)
+    else if (goes_by_events(law, quadrature%by_events)) then
       contact_work = 168.0_wp*k**2
     else if (law%tangents == 2) then
       contact_work = 12.0_wp*k**2*quadrature%fourier%samples + 28.0_wp*k*quadrature%fourier%samples

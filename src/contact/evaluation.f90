@@ -1,13 +1,16 @@
 !> Forces of one contact, by events or by samples: the one place that decides which.
 !>
-!> By events the quadrature is exact, but slip along two tangents has no closed form, nor have laws that are not proportional to N.
-!> A law of several elements in parallel is evaluated one element after another.
+!> By events the quadrature is exact along one tangent, and along two as exact as the panels of slip are. Laws that are not
+!> proportional to N go by samples, as do periods that pass. A law of several elements in parallel is evaluated one element after
+!> another.
 module attrito_contact_evaluation
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
+  use attrito_contact_disc_motion, only: disc_rules_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_parallel_elements, only: begin_sum, add_element, complete_sum
+  use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
   use attrito_contact_passing_period, only: evaluate_passing_period
   use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples, contact_samples_type, sample_contact
@@ -15,7 +18,7 @@ module attrito_contact_evaluation
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
-  public :: quadrature_type, evaluate_contact, goes_by_events, sample_forces
+  public :: quadrature_type, evaluate_contact, goes_by_events, may_need_samples, has_second_derivative, sample_forces
 
   !> What evaluations of all contacts share
   type :: quadrature_type
@@ -25,6 +28,8 @@ module attrito_contact_evaluation
     type(fourier_type) :: fourier
     !> Where roots are looked for
     type(trigonometric_grid_type) :: grid
+    !> Two tangents: the same, and panels of slip
+    type(disc_rules_type) :: discs
   end type quadrature_type
 
 contains
@@ -36,8 +41,28 @@ contains
     !> Are events preferred to samples?
     logical, intent(in) :: by_events
 
-    goes_by_events = by_events .and. law%tangents == 1 .and. law%has_events()
+    goes_by_events = by_events .and. law%has_events()
   end function goes_by_events
+
+  !> May samples have to serve a contact? Those of two tangents do where a period passes, and where panels of slip become too short.
+  elemental logical function may_need_samples(law, by_events)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Are events preferred to samples?
+    logical, intent(in) :: by_events
+
+    may_need_samples = law%tangents == 2 .or. .not. goes_by_events(law, by_events)
+  end function may_need_samples
+
+  !> Is the second derivative of its forces known (`attrito_contact_second_derivative_event`)?
+  elemental logical function has_second_derivative(law, by_events)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Are events preferred to samples?
+    logical, intent(in) :: by_events
+
+    has_second_derivative = law%tangents == 1 .and. goes_by_events(law, by_events)
+  end function has_second_derivative
 
   !> Forces and Jacobian of one contact.
   subroutine evaluate_contact(law, quadrature, motion, slider, periodic, forces)
@@ -68,7 +93,7 @@ contains
     forces%moved = [forces%moved, spread(0.0_wp, 1, unused)]
   end subroutine evaluate_contact
 
-  !> The same of several elements in parallel.
+  !> The same of several elements in parallel. Sliders along two tangents are found in the evaluation: they are no unknowns here.
   subroutine evaluate_elements(law, quadrature, motion, slider, periodic, forces)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
@@ -89,7 +114,8 @@ contains
     allocate (own%deviation, mold=forces%deviation)
     call begin_sum(law, size(motion, 1), forces)
     do i = 1, law%elements()
-      call evaluate_element(law%element(i), quadrature, motion, slider(2*i - 1:2*i), periodic, own)
+      call evaluate_element(law%element(i), quadrature, motion, slider(2*i - 1:2*i), &
+                            periodic .and. .not. goes_by_events(law, quadrature%by_events), own)
       call add_element(law, i, own, forces)
     end do
     call complete_sum(law, forces)
@@ -107,14 +133,24 @@ contains
     logical, intent(in) :: periodic
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
+    logical :: done
 
-    if (goes_by_events(law, quadrature%by_events)) then
-      call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
-    else if (allocated(forces%mean_before)) then
+    forces%closed_here = .false.
+    if (allocated(forces%mean_before)) then
       call evaluate_passing_period(law, quadrature%fourier, motion, slider, forces)
-    else
-      call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
+      return
     end if
+    done = .false.
+    if (goes_by_events(law, quadrature%by_events)) then
+      if (law%tangents == 1) then
+        call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
+        done = .true.
+      else
+        call evaluate_contact_by_disc_events(law, quadrature%discs, motion, slider, periodic, forces, done)
+      end if
+    end if
+    ! A panel of slip that would have to be shorter than rounding leaves the contact to samples.
+    if (.not. done) call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
   end subroutine evaluate_element
 
   !> Displacement and force of a contact at samples of a period, all elements together.

@@ -77,6 +77,7 @@ contains
     forces%moved(:) = 0.0_wp
     forces%may_stick = .true.
     forces%unique = .false.
+    forces%closed_here = .false.
     forces%active = spread(.false., 1, coefficients*(law%tangents + 1))
     if (allocated(forces%jacobian)) deallocate (forces%jacobian)
   end subroutine stay_stuck

@@ -136,7 +136,8 @@ contains
     side = 0
     do iteration = 1, 60
       before = instant
-      instant = (f_low*high - f_high*low)/(f_low - f_high)
+      instant = low
+      if (f_low > f_high) instant = (f_low*high - f_high*low)/(f_low - f_high)
       if (.not. (instant > low .and. instant < high) .or. iteration > 25) instant = 0.5_wp*(low + high)
       call slope_at(motion, w, instant, f, value)
       if (abs(instant - before) < found_in .or. high - low < found_in) exit

@@ -1,13 +1,13 @@
 !> Second derivative of all contacts' forces: how the Jacobian D changes along a motion t, times motions x.
 !>
-!> By events it is exact (attrito_contact_second_derivative_event). Samples have none in closed form: there it is the central
-!> difference of the exact Jacobian along t, whose error is of second order in the step and enters no solution, only the rate of
-!> Newton's method.
+!> By events along one tangent it is exact (attrito_contact_second_derivative_event). Elsewhere none is known: it is the
+!> central difference of the exact Jacobian along t, whose error is of second order in the step and enters no solution, only the
+!> rate of Newton's method.
 module attrito_peak_second_derivative
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_contact_evaluation, only: evaluate_contact, goes_by_events
+  use attrito_contact_evaluation, only: evaluate_contact, has_second_derivative
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
   implicit none
@@ -40,7 +40,7 @@ contains
         last = first + law%tangents
         columns = reshape([(directions(n)%motion(:, first:last), n=1, size(directions))], [k*(law%tangents + 1), size(directions)])
         allocate (product, mold=columns)
-        if (goes_by_events(law, balance%quadrature%by_events)) then
+        if (has_second_derivative(law, balance%quadrature%by_events)) then
           call sum_elements(balance, motion(:, first:last), i, along%motion(:, first:last), columns, product)
         else
           product = difference(balance, motion, i, along, columns)

@@ -10,7 +10,8 @@ module attrito_solve_sliders
 
 contains
 
-  !> Sliders that a further period would move become periodic, from where it would move them; says whether there were any.
+  !> Sliders that a further period would move become periodic, from where it would move them; says whether there were any. So do those
+  !> whose period was closed in each evaluation, by several marches: as unknowns they take one.
   logical function found_moving(balance, least)
     !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
@@ -25,7 +26,7 @@ contains
     do i = 1, size(balance%forces)
       associate (forces => balance%forces(i))
         if (balance%periodic(i)) cycle
-        if (norm2(forces%moved) <= least) cycle
+        if (norm2(forces%moved) <= least .and. .not. forces%closed_here) cycle
         balance%periodic(i) = .true.
         balance%slider(:, i) = forces%slider + forces%moved
         found = 1.0_wp

@@ -35,6 +35,7 @@ end module laws_in_parallel
 program test_parallel_elements
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
+  use attrito_contact_disc_motion, only: new_disc_rules
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact, sample_forces
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_fourier, only: new_fourier
@@ -59,6 +60,7 @@ program test_parallel_elements
   if (run_suite('parallel elements', [ &
                 test('forces by events are those of contacts side by side that share the normal spring', by_events), &
                 test('forces by samples are those of contacts side by side that share the normal spring', by_samples), &
+                test('forces by events along two tangents are those of contacts side by side', two_tangents), &
                 test('the Jacobian is that of differences, whatever the elements do', jacobian), &
                 test('a contact slips while any of its elements does, and fractions add up', fractions), &
                 test('a contact that bounds hold stuck is stuck, its elements preloaded against each other', bounds), &
@@ -103,14 +105,18 @@ contains
     motion(1, 2) = closing
   end function motion_of
 
-  function forces_of(contact, quadrature, motion, slider) result(forces)
+  function forces_of(contact, quadrature, motion, slider, periodic) result(forces)
     type(contact_type), intent(in) :: contact
     type(quadrature_type), intent(in) :: quadrature
     real(wp), intent(in) :: motion(:, :), slider(:)
+    logical, intent(in), optional :: periodic
     type(contact_forces_type) :: forces
+    logical :: as_unknown
 
-    allocate (forces%deviation(size(motion, 1), 2))
-    call evaluate_contact(contact, quadrature, motion, slider, .false., forces)
+    as_unknown = .false.
+    if (present(periodic)) as_unknown = periodic
+    allocate (forces%deviation(size(motion, 1), size(motion, 2)))
+    call evaluate_contact(contact, quadrature, motion, slider, as_unknown, forces)
   end function forces_of
 
   subroutine by_events(error)
@@ -163,6 +169,51 @@ contains
     call check(error, met(state_stuck) > 1 .and. met(state_shaken_down) > 0 .and. met(state_slipping) > 10 &
                .and. met(state_open) == 1, 'not all states are met: the test is void')
   end subroutine compare
+
+  !> Elements along two tangents, of which the first slip before the last do; no slider is an unknown.
+  subroutine two_tangents(error)
+    type(error_type), allocatable, intent(out) :: error
+    ! Elements have the panels of their twins, but for the rounding of radii.
+    real(wp), parameter :: tolerance = 1.0e-11_wp
+    type(quadrature_type) :: quadrature
+    type(contact_type) :: contact
+    type(contact_forces_type) :: together, own
+    real(wp) :: motion(k, 3), slider(2*elements), deviation(k, 3), by_motion(3*k, 3*k)
+    integer :: met(0:3), seed, i
+
+    quadrature = quadrature_of(.true.)
+    quadrature%discs = new_disc_rules(harmonics)
+    met = 0
+    do seed = 1, 24
+      motion(:, 1) = 0.004_wp*1.25_wp**seed*noise(k, seed)
+      motion(:, 2:) = 0.004_wp*1.25_wp**seed*reshape(noise(2*k, 50 + seed), [k, 2])
+      motion(:, 3) = 0.4_wp*motion(:, 3)
+      motion(1, 3) = merge(0.08_wp, 1.0_wp, modulo(seed, 3) == 0)
+      slider = 0.02_wp*noise(2*elements, 90 + seed)
+      contact = several()
+      contact%tangents = 2
+      together = forces_of(contact, quadrature, motion, slider, .true.)
+      met(together%state) = met(together%state) + 1
+      call check(error, .not. together%periodic, 'its sliders are unknowns')
+      deviation = 0.0_wp
+      by_motion = 0.0_wp
+      do i = 1, elements
+        contact = side_by_side(i)
+        contact%tangents = 2
+        own = forces_of(contact, quadrature, motion, slider(2*i - 1:2*i), .false.)
+        deviation = deviation + own%deviation
+        if (allocated(own%jacobian)) by_motion = by_motion + own%jacobian
+        call check_close(error, together%slider(2*i - 1:2*i), own%slider, tolerance, 'slider')
+      end do
+      call check_close(error, together%deviation, deviation, tolerance, 'deviation')
+      if (allocated(together%jacobian)) then
+        call check_close(error, together%jacobian, by_motion, 1.0e3_wp*tolerance, 'Jacobian')
+      else
+        call check_close(error, maxval(abs(by_motion)), 0.0_wp, 0.0_wp, 'no Jacobian')
+      end if
+    end do
+    call check(error, met(state_shaken_down) > 0 .and. met(state_slipping) > 10, 'not all states are met: the test is void')
+  end subroutine two_tangents
 
   subroutine jacobian(error)
     type(error_type), allocatable, intent(out) :: error
