@@ -34,8 +34,6 @@ contains
     type(disc_state_type), intent(out) :: state
     !> Was the slider outside its disc?
     logical, intent(out) :: entered
-    !> Part of the radius that is rounding
-    real(wp), parameter :: rounding = 1.0e-10_wp ! derived
     real(wp) :: basis(2*motion%harmonics + 1), jet(6), distance
 
     call motion%at(theta, basis, jet)
@@ -43,8 +41,8 @@ contains
     state%by_slider = by_slider
     allocate (state%by_phi(record%columns), source=0.0_wp)
     distance = norm2(jet(1:2) - slider)
-    entered = distance > jet(3)*(1.0_wp + rounding)
-    if (distance < jet(3)*(1.0_wp - rounding)) return
+    entered = distance > jet(3) + motion%rounding
+    if (distance < jet(3) - motion%rounding) return
     call enter_rim(motion, basis, jet, record%by_motion, state)
     if (dot_product(jet(4:5), jet(1:2) - slider) <= jet(6)*distance) call leave_rim(motion, basis, jet, record%by_motion, state)
   end subroutine start_at

@@ -34,8 +34,8 @@ module attrito_contact_disc_motion
     real(wp) :: step = 0.0_wp
     !> dr/dv = mu k_n / k_t
     real(wp) :: slope = 0.0_wp
-    !> Largest r on the grid, and the largest displacement
-    real(wp) :: largest = 0.0_wp, reach = 0.0_wp
+    !> Largest r on the grid, and how far out of its disc a slider lies by rounding: that is no slip
+    real(wp) :: largest = 0.0_wp, rounding = 0.0_wp
   contains
     procedure :: at
     procedure :: second_at
@@ -92,7 +92,7 @@ contains
     self%sampled = matmul(grid%values, columns(:, :6))
     self%step = grid%theta(2) - grid%theta(1)
     self%largest = maxval(self%sampled(:, 3))
-    self%reach = maxval(abs(self%sampled(:, 1:2)))
+    self%rounding = 2.0e-12_wp*self%largest + 16.0_wp*epsilon(1.0_wp)*maxval(abs(self%sampled(:, 1:2)))
   end function new_disc_motion
 
   !> u_1, u_2, r and their first derivatives at an instant.

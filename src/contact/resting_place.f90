@@ -42,15 +42,14 @@ contains
     real(wp), intent(in) :: slider(2)
     type(resting_place_type) :: place
     type(slider_projection_type) :: nearest
-    real(wp) :: instants(most_discs), u(most_discs, 2), r(most_discs), basis(2*motion%harmonics + 1), jet(6), rounding, beyond
+    real(wp) :: instants(most_discs), u(most_discs, 2), r(most_discs), basis(2*motion%harmonics + 1), jet(6), beyond
     integer :: i, n
 
     place%before = slider
     place%slider = slider
-    rounding = 2.0e-12_wp*motion%largest + 16.0_wp*epsilon(1.0_wp)*motion%reach
     do n = 1, most_discs
       call most_violated(motion, place%slider, instants(n), beyond)
-      place%exists = beyond <= rounding
+      place%exists = beyond <= motion%rounding
       if (place%exists .and. place%count == 1) call settle(motion, place)
       if (place%exists) return
       call motion%at(instants(n), basis, jet)

@@ -240,7 +240,8 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(contact_forces_type) :: forces
     real(wp), allocatable :: motion(:, :)
-    integer :: seed
+    real(wp) :: slider(2)
+    integer :: i, seed
 
     do seed = 1, 6
       motion = motion_of(3, seed, 0.2_wp, 0.2_wp)
@@ -249,6 +250,16 @@ contains
       ! It stays where it has come to.
       forces = forces_of(new_disc_rules(3), motion, forces%slider, .false.)
       call check(error, forces%state == state_stuck .and. forces%may_stick, 'it does not rest')
+      forces = forces_of(new_disc_rules(3), motion, forces%slider, .true.)
+      call check(error, forces%state == state_stuck .and. .not. forces%follows(), 'it does not rest as an unknown')
+      ! Marched there from afar, it rests as soon: each period takes it on along its discs' rims.
+      slider = [0.3_wp, -0.2_wp]
+      do i = 1, 200
+        forces = forces_of(new_disc_rules(3), motion, slider, .true.)
+        slider = forces%slider + forces%moved
+        if (forces%state == state_stuck) exit
+      end do
+      call check(error, forces%state == state_stuck, 'it does not come to rest')
     end do
   end subroutine resting
 
