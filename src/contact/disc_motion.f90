@@ -12,7 +12,7 @@ module attrito_contact_disc_motion
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid, differentiate
   implicit none
   private
-  public :: disc_rules_type, new_disc_rules, disc_motion_type, new_disc_motion, excess_of
+  public :: disc_rules_type, new_disc_rules, disc_motion_type, new_disc_motion, excess_of, usual_nodes
 
   !> What evaluations of all contacts share
   type :: disc_rules_type

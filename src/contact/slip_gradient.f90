@@ -24,7 +24,7 @@ contains
     !> Are coefficients of the motion the first 3 k of the parameters?
     logical, intent(in) :: by_motion
     !> The panel, solved
-    type(slip_panel_type), intent(inout) :: panel
+    type(slip_panel_type), intent(in) :: panel
     !> Of phi at the nodes [columns, s]
     real(wp), intent(out), contiguous :: gradient(:, :)
     !> Does it exist?
@@ -47,15 +47,15 @@ contains
     !> Are coefficients of the motion the first 3 k of the parameters?
     logical, intent(in) :: by_motion
     !> The panel, solved
-    type(slip_panel_type), intent(inout) :: panel
+    type(slip_panel_type), intent(in) :: panel
     !> Of phi at the nodes
     real(wp), intent(out), contiguous :: gradient(:, :)
     !> Does it exist?
     logical, intent(out) :: regular
-    real(wp) :: by_u(2), by_r
-    integer :: h, i, j, k
+    real(wp) :: factors(rule%nodes, rule%nodes), by_u(2), by_r
+    integer :: h, i, k
 
-    call factor_panel(rule, panel, regular)
+    call factor_panel(rule, panel, factors, regular)
     if (.not. regular) return
     k = 2*motion%harmonics + 1
     do i = 1, rule%nodes
@@ -73,16 +73,43 @@ contains
         g(2*k + 1:3*k) = g(2*k + 1:3*k) + by_r*basis(:k)
       end associate
     end do
-    do i = 2, rule%nodes
-      do j = 1, i - 1
-        gradient(:, i) = gradient(:, i) - panel%factors(i, j)*gradient(:, j)
-      end do
-    end do
-    do i = rule%nodes, 1, -1
-      do j = i + 1, rule%nodes
-        gradient(:, i) = gradient(:, i) - panel%factors(i, j)*gradient(:, j)
-      end do
-      gradient(:, i) = gradient(:, i)/panel%factors(i, i)
-    end do
+    call back_substitute(size(gradient, 1), rule%nodes, factors, gradient)
   end subroutine differentiate_by_rule
+
+  !> x <- x A^-T, of factors.
+  pure subroutine back_substitute(columns, n, factors, x)
+    !> Number of parameters; s
+    integer, intent(in) :: columns, n
+    !> L below the diagonal, and U, with inverses on its own
+    real(wp), intent(in) :: factors(n, n)
+    !> Right-hand sides, then solutions
+    real(wp), intent(inout) :: x(columns, n)
+    integer :: i
+
+    do i = 2, n
+      call subtract(columns, i - 1, factors(i, :i - 1), x(:, :i - 1), x(:, i))
+    end do
+    do i = n, 1, -1
+      call subtract(columns, n - i, factors(i, i + 1:), x(:, i + 1:), x(:, i))
+      x(:, i) = x(:, i)*factors(i, i)
+    end do
+  end subroutine back_substitute
+
+  !> y <- y - x f, two columns of x at a time.
+  pure subroutine subtract(rows, columns, f, x, y)
+    !> Of x
+    integer, intent(in) :: rows, columns
+    !> Factors; matrix
+    real(wp), intent(in) :: f(columns), x(rows, columns)
+    !> What it is subtracted from
+    real(wp), intent(inout) :: y(rows)
+    integer :: i, j
+
+    do j = 1, columns - 1, 2
+      do i = 1, rows
+        y(i) = y(i) - (f(j)*x(i, j) + f(j + 1)*x(i, j + 1))
+      end do
+    end do
+    if (modulo(columns, 2) == 1) y = y - f(columns)*x(:, columns)
+  end subroutine subtract
 end module attrito_contact_slip_gradient

@@ -11,7 +11,7 @@
 !> coefficient of phi measures the error, however wild phi is where r vanishes.
 module attrito_contact_slip_panel
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
+  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, usual_nodes
   use attrito_contact_panel_rule, only: panel_rule_type
   implicit none
   private
@@ -25,8 +25,8 @@ module attrito_contact_slip_panel
     real(wp), allocatable :: weight(:), jet(:, :), basis(:, :)
     !> phi at the start and the nodes [0:s], d phi/dx and e at the nodes [s], [2, s]
     real(wp), allocatable :: phi(:), turn(:), e(:, :)
-    !> Rows of the linearised equations, over their own size [s], and their factors [s, s]
-    real(wp), allocatable :: scale(:), factors(:, :)
+    !> Of each equation: one over the size of its terms, r D, with D of order 20, and what turns the direction [s]
+    real(wp), allocatable :: scale(:)
     !> Error of r phi over the largest r of the period
     real(wp) :: error = 0.0_wp
   end type slip_panel_type
@@ -43,7 +43,7 @@ contains
 
     associate (s => rules%radau%nodes)
       allocate (self%weight(s), self%jet(6, s), self%basis(coefficients, s))
-      allocate (self%phi(0:s), self%turn(s), self%e(2, s), self%scale(s), self%factors(s, s))
+      allocate (self%phi(0:s), self%turn(s), self%e(2, s), self%scale(s))
     end associate
   end function new_slip_panel
 
@@ -68,17 +68,19 @@ contains
     panel%opens = opens
     panel%phi(0) = phi
     if (opens) then
-      call solve_by_rule(motion, rules%gauss, panel, solved)
+      call solve_by_rule(motion, rules%gauss, rules%tolerance, panel, solved)
     else
-      call solve_by_rule(motion, rules%radau, panel, solved)
+      call solve_by_rule(motion, rules%radau, rules%tolerance, panel, solved)
     end if
   end subroutine solve_panel
 
   !> The same with the nodes' rule.
-  pure subroutine solve_by_rule(motion, rule, panel, solved)
+  pure subroutine solve_by_rule(motion, rule, tolerance, panel, solved)
     !> Motion of the contact; nodes
     type(disc_motion_type), intent(in) :: motion
     type(panel_rule_type), intent(in) :: rule
+    !> Error that the panel may have
+    real(wp), intent(in) :: tolerance
     !> The panel
     type(slip_panel_type), intent(inout) :: panel
     !> Has Newton's method converged?
@@ -91,7 +93,7 @@ contains
       panel%jet(3, i) = max(panel%jet(3, i), 0.0_wp)
     end do
     call guess(rule, panel)
-    call iterate(rule, panel, solved)
+    call iterate(rule, tolerance, panel, solved)
     if (.not. solved) return
     panel%turn = matmul(rule%derivative, panel%phi)
     panel%error = maxval([1.0_wp, 0.2_wp]*abs(matmul(panel%phi, rule%tail)))*maxval(panel%jet(3, :))/motion%largest
@@ -125,105 +127,166 @@ contains
         panel%phi(i) = panel%phi(i - 1) + turned
         e = [e(1)*along - e(2)*aside, e(2)*along + e(1)*aside]
         e = [(e(1)*along - e(2)*aside), (e(2)*along + e(1)*aside)]/(along**2 + aside**2)
+        panel%e(:, i) = e
       end associate
     end do
   end subroutine guess
 
-  !> Newton's method for phi at the nodes.
-  pure subroutine iterate(rule, panel, solved)
+  !> Newton's method for phi at the nodes, its last steps with the factors before.
+  pure subroutine iterate(rule, tolerance, panel, solved)
     !> Nodes
     type(panel_rule_type), intent(in) :: rule
+    !> Error that the panel may have
+    real(wp), intent(in) :: tolerance
     !> The panel
     type(slip_panel_type), intent(inout) :: panel
     !> Has it converged?
     logical, intent(out) :: solved
-    !> The last step, whose square is rounding; the longest that is taken whole; one that leads nowhere
-    real(wp), parameter :: last = 3.0e-7_wp, whole = 0.7_wp, lost = 1.0e3_wp ! derived
-    real(wp) :: step(rule%nodes, 1), largest
-    integer :: i, iteration
+
+    panel%scale = 1.0_wp/(20.0_wp*panel%jet(3, :) + panel%length*(abs(panel%jet(4, :)) + abs(panel%jet(5, :))) + tiny(1.0_wp))
+    if (rule%nodes == usual_nodes) then
+      call find_root(usual_nodes, rule%derivative, tolerance, panel%length, panel%jet, panel%scale, panel%phi, panel%e, solved)
+    else
+      call find_root(rule%nodes, rule%derivative, tolerance, panel%length, panel%jet, panel%scale, panel%phi, panel%e, solved)
+    end if
+  end subroutine iterate
+
+  !> The same on plain arrays, whose size is handed over by value: compilers then make code of its own for the usual one.
+  pure subroutine find_root(n, derivative, tolerance, length, jet, scale, phi, e, solved)
+    !> s
+    integer, value :: n
+    !> D; error that the panel may have; length of the panel
+    real(wp), intent(in) :: derivative(n, 0:n), tolerance, length
+    !> Values and derivatives of the motion at the nodes; scale of the equations
+    real(wp), intent(in) :: jet(6, n), scale(n)
+    !> Directions, the first guess at the nodes before; e there
+    real(wp), intent(inout) :: phi(0:n), e(2, n)
+    !> Has it converged?
+    logical, intent(out) :: solved
+    !> The longest step that is taken whole; one that leads nowhere; the last step's square over the error that a panel may have; a
+    !> step so short that the factors before it serve
+    real(wp), parameter :: whole = 0.7_wp, lost = 1.0e3_wp, part = 1.0e-4_wp, short = 1.0e-2_wp ! derived
+    real(wp) :: step(n), turn(n), cosine(n), sine(n), u(n), v(n), r(n), factors(n, n), largest, last
+    integer :: iteration, j
     logical :: regular
 
+    last = sqrt(part*tolerance)
+    r = scale*jet(3, :)
+    u = scale*length*jet(4, :)
+    v = scale*length*jet(5, :)
+    cosine = e(1, :)
+    sine = e(2, :)
+    largest = huge(1.0_wp)
     solved = .false.
-    call scale_rows(panel)
-    do iteration = 1, 15
-      do i = 1, rule%nodes
-        panel%e(:, i) = [cos(panel%phi(i)), sin(panel%phi(i))]
-        associate (du => panel%jet(4:5, i), e => panel%e(:, i))
-          step(i, 1) = panel%scale(i)*(panel%length*(du(2)*e(1) - du(1)*e(2)) &
-                                       - panel%jet(3, i)*dot_product(rule%derivative(i, :), panel%phi))
-        end associate
+    do iteration = 1, 20
+      turn = derivative(:, 0)*phi(0)
+      do j = 1, n
+        turn = turn + derivative(:, j)*phi(j)
       end do
-      call factor_panel(rule, panel, regular)
-      if (.not. regular) return
-      call back_substitute(panel%factors, step(:, 1))
+      step = v*cosine - u*sine - r*turn
+      if (largest > short) then
+        call factor(n, derivative(:, 1:), r, u*cosine + v*sine, factors, regular)
+        if (.not. regular) return
+      end if
+      call back_substitute(n, factors, step)
       largest = maxval(abs(step))
       if (.not. largest < lost) return
       if (largest > whole) step = step*(whole/largest)
-      panel%phi(1:) = panel%phi(1:) + step(:, 1)
-      if (largest < last) exit
+      phi(1:) = phi(1:) + step
+      call turn_by(n, step, largest, phi(1:), cosine, sine)
+      solved = largest < last
+      if (solved) exit
     end do
-    solved = largest < last
-    if (.not. solved) return
-    do i = 1, rule%nodes
-      panel%e(:, i) = panel%e(:, i) + step(i, 1)*[-panel%e(2, i), panel%e(1, i)]
-    end do
-  end subroutine iterate
+    e(1, :) = cosine
+    e(2, :) = sine
+  end subroutine find_root
 
-  !> Of the size of each equation's terms: r D, with D of order 20, and what turns the direction.
-  pure subroutine scale_rows(panel)
-    !> The panel
-    type(slip_panel_type), intent(inout) :: panel
+  !> Directions after a step: small ones by the first terms of the series of cosine and sine, up to rounding.
+  pure subroutine turn_by(n, step, largest, phi, cosine, sine)
+    !> s
+    integer, value :: n
+    !> Steps, the largest of them, and angles after them
+    real(wp), intent(in) :: step(n), largest, phi(n)
+    !> Of the angles
+    real(wp), intent(inout) :: cosine(n), sine(n)
+    !> A step whose seventh power, over 5040, is rounding
+    real(wp), parameter :: small = 0.02_wp ! derived
+    real(wp) :: square(n), across(n), along(n)
 
-    panel%scale = 1.0_wp/(20.0_wp*panel%jet(3, :) + panel%length*(abs(panel%jet(4, :)) + abs(panel%jet(5, :))) + tiny(1.0_wp))
-  end subroutine scale_rows
+    if (largest > small) then
+      cosine = cos(phi)
+      sine = sin(phi)
+      return
+    end if
+    square = step**2
+    across = step*(1.0_wp - square*(1.0_wp/6.0_wp - square*(1.0_wp/120.0_wp)))
+    along = 1.0_wp - square*(0.5_wp - square*(1.0_wp/24.0_wp - square*(1.0_wp/720.0_wp)))
+    square = cosine
+    cosine = along*cosine - across*sine
+    sine = along*sine + across*square
+  end subroutine turn_by
 
-  !> Factors of r D + h (u'.e), h the panel's length, without exchanging rows: D needs no exchange, and the rest is
-  !> added to the diagonal.
-  pure subroutine factor_panel(rule, panel, regular)
-    !> Nodes
-    type(panel_rule_type), intent(in) :: rule
-    !> The panel
-    type(slip_panel_type), intent(inout) :: panel
+  !> Factors of r D + h (u'.e) without exchanging rows: D needs no exchange, and the rest is added to the diagonal.
+  pure subroutine factor(n, derivative, r, diagonal, a, regular)
+    !> s
+    integer, value :: n
+    !> D without its first column; what it is multiplied by; what is added
+    real(wp), intent(in) :: derivative(n, n), r(n), diagonal(n)
+    !> L below the diagonal, and U, with inverses on its own
+    real(wp), intent(out) :: a(n, n)
     !> Do they exist?
     logical, intent(out) :: regular
     real(wp), parameter :: singular = 1.0e-12_wp ! derived
-    integer :: i, j, n
+    integer :: i, j
 
-    n = rule%nodes
-    associate (a => panel%factors)
-      do j = 1, n
-        a(:, j) = panel%scale*panel%jet(3, :)*rule%derivative(:, j)
+    do j = 1, n
+      a(:, j) = r*derivative(:, j)
+      a(j, j) = a(j, j) + diagonal(j)
+    end do
+    do j = 1, n
+      regular = abs(a(j, j)) > singular
+      if (.not. regular) return
+      a(j, j) = 1.0_wp/a(j, j)
+      a(j + 1:, j) = a(j + 1:, j)*a(j, j)
+      do i = j + 1, n
+        a(j + 1:, i) = a(j + 1:, i) - a(j, i)*a(j + 1:, j)
       end do
-      do i = 1, n
-        a(i, i) = a(i, i) + panel%scale(i)*panel%length*dot_product(panel%jet(4:5, i), panel%e(:, i))
-      end do
-      do j = 1, n
-        regular = abs(a(j, j)) > singular
-        if (.not. regular) return
-        a(j + 1:, j) = a(j + 1:, j)/a(j, j)
-        do i = j + 1, n
-          a(j + 1:, i) = a(j + 1:, i) - a(j, i)*a(j + 1:, j)
-        end do
-      end do
-    end associate
-  end subroutine factor_panel
+    end do
+  end subroutine factor
 
   !> x <- A^-1 x, of factors.
-  pure subroutine back_substitute(factors, x)
+  pure subroutine back_substitute(n, factors, x)
+    !> s
+    integer, value :: n
     !> L below the diagonal, and U
-    real(wp), intent(in), contiguous :: factors(:, :)
+    real(wp), intent(in) :: factors(n, n)
     !> Right-hand side, then solution
-    real(wp), intent(inout), contiguous :: x(:)
+    real(wp), intent(inout) :: x(n)
     integer :: j
 
-    do j = 1, size(x) - 1
+    do j = 1, n - 1
       x(j + 1:) = x(j + 1:) - x(j)*factors(j + 1:, j)
     end do
-    do j = size(x), 1, -1
-      x(j) = x(j)/factors(j, j)
+    do j = n, 1, -1
+      x(j) = x(j)*factors(j, j)
       x(:j - 1) = x(:j - 1) - x(j)*factors(:j - 1, j)
     end do
   end subroutine back_substitute
+
+  !> Factors of a solved panel's linearised equations [s, s].
+  pure subroutine factor_panel(rule, panel, factors, regular)
+    !> Nodes
+    type(panel_rule_type), intent(in) :: rule
+    !> The panel
+    type(slip_panel_type), intent(in) :: panel
+    !> L below the diagonal, and U
+    real(wp), intent(out) :: factors(:, :)
+    !> Do they exist?
+    logical, intent(out) :: regular
+
+    call factor(rule%nodes, rule%derivative(:, 1:), panel%scale*panel%jet(3, :), &
+                panel%scale*panel%length*(panel%jet(4, :)*panel%e(1, :) + panel%jet(5, :)*panel%e(2, :)), factors, regular)
+  end subroutine factor_panel
 
   !> phi at some part of the panel.
   pure real(wp) function direction_at(panel, rules, x) result(phi)
