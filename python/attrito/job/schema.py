@@ -246,8 +246,8 @@ TABLES: dict[str, dict[str, Key]] = {
         "quadrature": Key(
             choice("event", "sampled", "auto"),
             None,
-            'one-tangent contacts by events, exact, two-tangent ones by samples; all by samples; or, `"auto"`, as by'
-            ' events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"` where harmonics'
+            'by events, exact, what is not friction by pressure, which goes by samples; all by samples; or, `"auto"`,'
+            ' as by events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"` where harmonics'
             " are fixed and no tolerance is given",
         ),
         "samples": Key(
