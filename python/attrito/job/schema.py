@@ -246,9 +246,9 @@ TABLES: dict[str, dict[str, Key]] = {
         "quadrature": Key(
             choice("event", "sampled", "auto"),
             None,
-            'by events, exact, what is not friction by pressure, which goes by samples; all by samples; or, `"auto"`,'
-            ' as by events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"` where harmonics'
-            " are fixed and no tolerance is given",
+            "by events, exact, what is not friction by pressure, which goes by samples; all by samples; or,"
+            ' `"auto"`, as by events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"`'
+            " where harmonics are fixed and no tolerance is given",
         ),
         "samples": Key(
             integer(8, 2**20),
