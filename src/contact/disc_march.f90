@@ -41,8 +41,8 @@ contains
     state%by_slider = by_slider
     allocate (state%by_phi(record%columns), source=0.0_wp)
     distance = norm2(jet(1:2) - slider)
-    entered = distance > jet(3) + motion%rounding
-    if (distance < jet(3) - motion%rounding) return
+    entered = distance > jet(3) + motion%negligible
+    if (distance < jet(3) - motion%negligible) return
     call enter_rim(motion, basis, jet, record%by_motion, state)
     if (dot_product(jet(4:5), jet(1:2) - slider) <= jet(6)*distance) call leave_rim(motion, basis, jet, record%by_motion, state)
   end subroutine start_at

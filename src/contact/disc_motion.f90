@@ -34,8 +34,8 @@ module attrito_contact_disc_motion
     real(wp) :: step = 0.0_wp
     !> dr/dv = mu k_n / k_t
     real(wp) :: slope = 0.0_wp
-    !> Largest r on the grid, and how far out of its disc a slider lies by rounding: that is no slip
-    real(wp) :: largest = 0.0_wp, rounding = 0.0_wp
+    !> Largest r on the grid; how far out of its disc a slider lies by rounding, and how far it may lie without slipping
+    real(wp) :: largest = 0.0_wp, rounding = 0.0_wp, negligible = 0.0_wp
   contains
     procedure :: at
     procedure :: second_at
@@ -46,6 +46,9 @@ module attrito_contact_disc_motion
   !> grid in that period
   integer, parameter :: usual_nodes = 8, density = 12 ! chosen
   real(wp), parameter :: usual_tolerance = 1.0e-6_wp, longest_panel = 4.0_wp ! chosen
+  !> Part of the largest r that is no slip: a slider that has come to the last place that holds it lies out of a disc by as much as
+  !> residuals leave
+  real(wp), parameter :: negligible_part = 1.0e-10_wp ! chosen
 
 contains
 
@@ -93,6 +96,7 @@ contains
     self%step = grid%theta(2) - grid%theta(1)
     self%largest = maxval(self%sampled(:, 3))
     self%rounding = 2.0e-12_wp*self%largest + 16.0_wp*epsilon(1.0_wp)*maxval(abs(self%sampled(:, 1:2)))
+    self%negligible = self%rounding + negligible_part*self%largest
   end function new_disc_motion
 
   !> u_1, u_2, r and their first derivatives at an instant.

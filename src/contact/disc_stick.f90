@@ -4,7 +4,8 @@
 !>
 !> A slider that slip has just left on the rim has g = g' = 0: that root is not an onset, so the first step is looked at from a little
 !> behind it. Where g turns between two points of the grid its maximum is found first, unless its tangents show that it stays
-!> below zero. What lies above zero by rounding is no slip: a slider that was pushed to the last place that holds it rests there.
+!> below zero. What lies above zero by next to nothing is no slip: a slider that was pushed to the last place that
+!> holds it rests there.
 module attrito_contact_disc_stick
   use attrito_core_kinds, only: wp, two_pi
   use attrito_contact_disc_motion, only: disc_motion_type, excess_of
@@ -54,13 +55,13 @@ contains
     real(wp), intent(out) :: onset
     !> Part of the first step behind a slider on the rim: a shorter stick is none
     real(wp), parameter :: behind = 1.0e-4_wp ! chosen
-    real(wp) :: left, right, at_left(2), at_right(2), near(2), rounding
+    real(wp) :: left, right, at_left(2), at_right(2), near(2), negligible
     integer :: cell, points
     logical :: first
 
     points = size(motion%sampled, 1) - 1
     found = .true.
-    rounding = 2.0_wp*motion%largest*motion%rounding
+    negligible = 2.0_wp*motion%largest*motion%negligible
     left = from
     at_left = motion%excess(from, w)
     first = on_rim .or. at_left(1) >= 0.0_wp
@@ -78,16 +79,16 @@ contains
         left = left + behind*(right - left)
         ! Not the start itself: where it has landed there is no direction.
         onset = left
-        if (at_right(1) > rounding .and. near(1) >= 0.0_wp) return
+        if (at_right(1) > negligible .and. near(1) >= 0.0_wp) return
         at_left = near
         first = .false.
       end if
-      if (at_right(1) > rounding) then
+      if (at_right(1) > negligible) then
         onset = root_of(motion, w, left, right, at_left(1), at_right(1))
         return
       end if
       if (at_left(2) > 0.0_wp .and. at_right(2) < 0.0_wp) then
-        call climb(motion, w, left, right, at_left, at_right, rounding, found, onset)
+        call climb(motion, w, left, right, at_left, at_right, negligible, found, onset)
         if (found) return
         found = .true.
       end if
@@ -99,13 +100,13 @@ contains
   end subroutine find_onset
 
   !> Does g become positive between two places at which it is not, but has a maximum between? If so, where first.
-  subroutine climb(motion, w, from, to, at_from, at_to, rounding, found, onset)
+  subroutine climb(motion, w, from, to, at_from, at_to, negligible, found, onset)
     !> Motion of the contact
     type(disc_motion_type), intent(in) :: motion
     !> Slider; two places, and g and g' there
     real(wp), intent(in) :: w(2), from, to, at_from(2), at_to(2)
     !> Of g
-    real(wp), intent(in) :: rounding
+    real(wp), intent(in) :: negligible
     !> Does it?
     logical, intent(out) :: found
     !> Where
@@ -125,9 +126,9 @@ contains
       x = (slope_left*right - slope_right*left)/(slope_left - slope_right)
       if (iteration > 20 .or. .not. (x > left .and. x < right)) x = 0.5_wp*(left + right)
       here = motion%excess(x, w)
-      found = here(1) > rounding
+      found = here(1) > negligible
       if (found) exit
-      if (here(1) + abs(here(2))*(right - left) < rounding) return
+      if (here(1) + abs(here(2))*(right - left) < negligible) return
       if (here(2) > 0.0_wp) then
         left = x
         slope_left = here(2)

@@ -76,6 +76,8 @@ contains
       end if
       call close_period(motion, rules, forces, place%slider, loop)
       forces%closed_here = .true.
+      ! It has moved, even if it all but rests where it has come to.
+      loop%entered = .true.
     end if
     done = .not. loop%record%failed
     if (.not. done) return

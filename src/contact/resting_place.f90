@@ -56,7 +56,11 @@ contains
       u(n, :) = jet(1:2)
       r(n) = jet(3)
       nearest = project_slider(u(:n, :), r(:n), slider)
-      if (.not. nearest%exists) return
+      if (.not. nearest%exists) then
+        ! Discs that all but meet hold it: it would not slip there.
+        place%exists = beyond <= motion%negligible .and. place%count > 0
+        return
+      end if
       place%slider = nearest%slider
       place%count = nearest%count
       place%instants = [(instants(max(nearest%holds(i), 1)), i=1, 2)]
