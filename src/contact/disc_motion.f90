@@ -37,6 +37,7 @@ module attrito_contact_disc_motion
     !> Largest r on the grid; how far out of its disc a slider lies by rounding, and how far it may lie without slipping
     real(wp) :: largest = 0.0_wp, rounding = 0.0_wp, negligible = 0.0_wp
   contains
+    procedure :: sample_slopes
     procedure :: at
     procedure :: second_at
     procedure :: excess
@@ -72,7 +73,7 @@ contains
     self%gauss = new_gauss_rule(s)
   end function new_disc_rules
 
-  !> The discs of a motion.
+  !> The discs of a motion, without slopes on the grid yet: most contacts that stick are known without.
   function new_disc_motion(law, grid, motion) result(self)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
@@ -92,12 +93,22 @@ contains
       call differentiate(columns(:, i), columns(:, i + 3))
     end do
     self%series = transpose(columns)
-    self%sampled = matmul(grid%values, columns(:, :6))
+    allocate (self%sampled(size(grid%theta), 6))
+    self%sampled(:, :3) = matmul(grid%values, columns(:, :3))
     self%step = grid%theta(2) - grid%theta(1)
     self%largest = maxval(self%sampled(:, 3))
     self%rounding = 2.0e-12_wp*self%largest + 16.0_wp*epsilon(1.0_wp)*maxval(abs(self%sampled(:, 1:2)))
     self%negligible = self%rounding + negligible_part*self%largest
   end function new_disc_motion
+
+  !> First derivatives on the grid.
+  subroutine sample_slopes(self, grid)
+    class(disc_motion_type), intent(inout) :: self
+    !> Grid of a period, both ends included
+    type(trigonometric_grid_type), intent(in) :: grid
+
+    self%sampled(:, 4:) = matmul(grid%values, transpose(self%series(4:6, :)))
+  end subroutine sample_slopes
 
   !> u_1, u_2, r and their first derivatives at an instant.
   pure subroutine at(self, theta, basis, jet)

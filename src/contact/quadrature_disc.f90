@@ -61,6 +61,7 @@ contains
       call stay_stuck(law, slider, size(coefficients, 1), forces)
       return
     end if
+    call motion%sample_slopes(rules%grid)
     call find_cuts(law, rules, motion, coefficients, cuts)
     if (size(cuts) > 0) then
       call march_closed_parts(motion, rules, cuts, forces, loop)
