@@ -163,7 +163,7 @@ contains
     !> The period
     type(loop_type), intent(out) :: loop
     !> Marches at most; a defect that is rounding, a last step, over the largest radius
-    integer, parameter :: most_marches = 60 ! chosen
+    integer, parameter :: most_marches = 60 ! guess
     real(wp), parameter :: rounding = 2.0e-13_wp, last = 1.0e-9_wp ! derived
     real(wp) :: w(2), defect(2), step(2), before
     integer :: i

@@ -106,7 +106,7 @@ contains
     !> What is kept of the march
     type(disc_record_type), intent(inout) :: record
     !> Changes between stick and slip in a row that lead nowhere; an interval that is rounding
-    integer, parameter :: most_changes = 1000 ! chosen
+    integer, parameter :: most_changes = 1000 ! guess
     real(wp), parameter :: nothing = 1.0e-14_wp ! derived
     real(wp) :: theta
     integer :: change

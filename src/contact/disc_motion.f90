@@ -45,11 +45,11 @@ module attrito_contact_disc_motion
 
   !> Of a rule's nodes, the error of a panel, the longest panel over the period of the highest harmonic, over 2 pi, and points of the
   !> grid in that period
-  integer, parameter :: usual_nodes = 8, density = 12 ! chosen
-  real(wp), parameter :: usual_tolerance = 1.0e-6_wp, longest_panel = 4.0_wp ! chosen
+  integer, parameter :: usual_nodes = 8, density = 12 ! guess
+  real(wp), parameter :: usual_tolerance = 1.0e-6_wp, longest_panel = 4.0_wp ! guess
   !> Part of the largest r that is no slip: a slider that has come to the last place that holds it lies out of a disc by as much as
   !> residuals leave
-  real(wp), parameter :: negligible_part = 1.0e-10_wp ! chosen
+  real(wp), parameter :: negligible_part = 1.0e-10_wp ! guess
 
 contains
 

@@ -131,8 +131,8 @@ contains
     !> Part of the panel
     real(wp), intent(out) :: stop
     !> Places that are looked at in a dip, and a dip's height over the largest speed that is looked into
-    integer, parameter :: looks = 8 ! chosen
-    real(wp), parameter :: near = 0.1_wp ! chosen
+    integer, parameter :: looks = 8 ! guess
+    real(wp), parameter :: near = 0.1_wp ! guess
     real(wp) :: speeds(0:size(panel%weight)), x(0:size(panel%weight)), place, largest
     integer :: i, j, s
 

@@ -54,7 +54,7 @@ contains
     !> Where
     real(wp), intent(out) :: onset
     !> Part of the first step behind a slider on the rim: a shorter stick is none
-    real(wp), parameter :: behind = 1.0e-4_wp ! chosen
+    real(wp), parameter :: behind = 1.0e-4_wp ! guess
     real(wp) :: left, right, at_left(2), at_right(2), near(2), negligible
     integer :: cell, points
     logical :: first

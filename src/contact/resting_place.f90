@@ -30,7 +30,7 @@ module attrito_contact_resting_place
   end type resting_place_type
 
   !> Discs that are taken in at most
-  integer, parameter :: most_discs = 64 ! chosen
+  integer, parameter :: most_discs = 64 ! guess
 
 contains
 

@@ -236,6 +236,7 @@ contains
     real(wp), intent(out) :: a(n, n)
     !> Do they exist?
     logical, intent(out) :: regular
+    !> A pivot that is none
     real(wp), parameter :: singular = 1.0e-12_wp ! derived
     integer :: i, j
 
