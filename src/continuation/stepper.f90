@@ -51,8 +51,10 @@ module attrito_continuation_stepper
     real(wp) :: direction = 1.0_wp
     !> The last step that was accepted
     type(step_type) :: last
-    !> Has the last step turned the branch into mean positions?
+    !> Has the branch turned into mean positions? Change of the drawn curve by the last steps, which together hardly show, and the
+    !> share of the tangent that is anything but means where they began
     logical, private :: turns_into_mean = .false.
+    real(wp), private :: hidden = huge(1.0_wp), share_before = 0.0_wp
     !> Tangent at the present point once it is looked at, before that at the point before; does the frequency turn between?
     type(tangent_type) :: tangent
     logical :: looked_ahead = .false., turned = .false.
@@ -156,11 +158,7 @@ contains
 
     ! Where hardly more than mean positions change, the frequency's sign is rounding.
     self%turned = .false.
-    self%turns_into_mean = .false.
-    if (self%last%is_taken()) then
-      self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. tangent%share > mean_share
-      self%turns_into_mean = turns_into_mean(self%last%across%share, tangent%share)
-    end if
+    if (self%last%is_taken()) self%turned = self%last%across%omega*tangent%omega < 0.0_wp .and. tangent%share > mean_share
     self%tangent = tangent
     self%here = point
     self%looked_ahead = .true.
@@ -391,9 +389,37 @@ contains
     if (solver%all_stick) call self%predictor%drop_ahead()
     self%path_before = self%path
     self%path = self%path + self%last%length
+    self%turns_into_mean = .false.
+    if (point%is_known()) then
+      call compare_shares(self, solver, tangent%share, point)
+      call stand_at(self, tangent, point)
+    end if
     self%here = point
-    if (point%is_known()) call stand_at(self, tangent, point)
   end subroutine accept_step
+
+  !> Has the branch turned into mean positions by steps that together hardly show on the drawn curve, the last one at the least?
+  pure subroutine compare_shares(self, solver, share, point)
+    class(stepper_type), intent(inout) :: self
+    !> Solver of points: its scale of frequencies
+    type(solver_type), intent(in) :: solver
+    !> Part of the tangent at the end of the last step that is anything but means
+    real(wp), intent(in) :: share
+    !> Point of the drawn curve there
+    type(curve_point_type), intent(in) :: point
+    real(wp) :: change
+
+    change = self%tolerance
+    if (self%here%is_known()) then
+      change = max(maxval(abs(point%amplitude - self%here%amplitude)/max(self%largest, tiny(1.0_wp))), &
+                   abs(point%omega - self%here%omega)/solver%context%frequency_scale)
+    end if
+    self%hidden = self%hidden + change
+    if (self%hidden >= self%tolerance) then
+      self%hidden = change
+      self%share_before = self%last%across%share
+    end if
+    self%turns_into_mean = self%last%is_taken() .and. turns_into_mean(self%share_before, share)
+  end subroutine compare_shares
 
   !> Keep a step made in frequency alone.
   subroutine remember_in_frequency(self, solver, before)
@@ -515,5 +541,7 @@ contains
     call self%secant%keep(store)
     call store%keep(self%drifting)
     call store%keep(self%turns_into_mean)
+    call store%keep(self%hidden)
+    call store%keep(self%share_before)
   end subroutine keep
 end module attrito_continuation_stepper

@@ -18,7 +18,8 @@
 !> | points of a branch, by gamma: 0.5 where no contact holds, else 1e-3 | | | | | 6 steps in a row |
 !>
 !> *A branch that turns into mean positions.* On the way to such an end gamma falls like the square root of what is left of the drawn
-!> curve, and no step beyond the end converges. It ends here if, by one step, gamma has halved at least, to less than delta = 0.1.
+!> curve, and no step beyond the end converges. It ends here if by steps that together hardly show on that curve, the last one at the
+!> least, gamma has halved at least, to less than delta = 0.2.
 !>
 !> Means and branches show a drift only where the structure leaves a motion free (`attrito_linear_rigid_body_modes`).
 module attrito_solve_rigid_drift
@@ -40,8 +41,8 @@ module attrito_solve_rigid_drift
   real(wp), parameter :: mean_share = 1.0e-3_wp ! guess
   !> gamma if every contact comes to its limit: friction then balances at single frequencies, and rounding makes a branch of these
   real(wp), parameter :: free_share = 0.5_wp ! guess
-  !> delta, and what gamma falls to by a step on the way to an end
-  real(wp), parameter :: steep_share = 0.1_wp, falling_share = 0.5_wp ! guess
+  !> delta, and what gamma falls to by steps that hardly show on the way to an end
+  real(wp), parameter :: steep_share = 0.2_wp, falling_share = 0.5_wp ! guess
 
   !> Means of successive solutions with springs, of which the last three count
   type :: repeated_means_type
@@ -111,9 +112,9 @@ contains
     moves_mean_alone = share < merge(free_share, mean_share, is_free)
   end function moves_mean_alone
 
-  !> Has a branch turned into mean positions by its last step?
+  !> Has a branch turned into mean positions by its last steps?
   pure logical function turns_into_mean(before, share)
-    !> Part of the branch's direction that is anything but mean positions, before the step and after it, 0 to 1
+    !> Part of the branch's direction that is anything but mean positions, before these steps and after them, 0 to 1
     real(wp), intent(in) :: before, share
 
     turns_into_mean = share < min(steep_share, falling_share*before)
