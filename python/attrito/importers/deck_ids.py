@@ -56,5 +56,5 @@ def integers(words: list[str], block: Block, what: str) -> np.ndarray:
     """Entries that are whole numbers; a fault says what they should be."""
     try:
         return np.array(words, dtype=np.int64)
-    except ValueError as error:
+    except (ValueError, OverflowError) as error:
         raise InputError(block.fault(str(error), what)) from error
