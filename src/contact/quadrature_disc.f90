@@ -69,6 +69,7 @@ contains
       call follow_motion(law, motion, coefficients, forces, loop)
     else if (periodic) then
       call march_period(motion, rules, forces, slider, loop)
+      place = find_resting_place(motion, slider)
     else
       place = find_resting_place(motion, slider)
       if (place%exists) then
@@ -83,6 +84,7 @@ contains
     done = .not. loop%record%failed
     if (.not. done) return
     call classify(loop, slider, forces)
+    forces%may_stick = place%exists
     call integrate(law, motion, loop, coefficients, forces)
     if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
   end subroutine evaluate_contact_by_disc_events
@@ -191,7 +193,6 @@ contains
     else
       forces%state = state_stuck
     end if
-    forces%may_stick = forces%state == state_stuck
     forces%unique = forgets(loop)
   end subroutine classify
 
