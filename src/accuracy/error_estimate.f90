@@ -135,7 +135,7 @@ contains
     logical :: is_new
 
     associate (balance => solver%context%balance)
-      sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature%by_events))
+      sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature))
       call balance%ranks%sum(sampled)
       asked = min(tolerance, nominal_tolerance)
       harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), unknown_share*asked)
@@ -197,7 +197,7 @@ contains
     integer, intent(in) :: harmonics, samples
 
     if (finer%harmonics == harmonics .and. finer%quadrature%fourier%samples == samples) return
-    call finer%set(harmonics, samples, solver%context%balance%quadrature%by_events)
+    call finer%set(harmonics, samples, solver%context%balance%quadrature)
   end subroutine prepare
 
   !> Coefficients of the monitors at the solver's present point [2 H + 1, monitors].
@@ -214,7 +214,7 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
-    any_sampled = any(.not. goes_by_events(solver%contacts%law, solver%context%balance%quadrature%by_events))
+    any_sampled = any(.not. goes_by_events(solver%contacts%law, solver%context%balance%quadrature))
   end function any_sampled
 
   !> May any contact, of all ranks, have to go by samples?
@@ -222,7 +222,7 @@ contains
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
-    any_may_sample = any(may_need_samples(solver%contacts%law, solver%context%balance%quadrature%by_events))
+    any_may_sample = any(may_need_samples(solver%contacts%law, solver%context%balance%quadrature))
   end function any_may_sample
 
   !> Give the transforms back.

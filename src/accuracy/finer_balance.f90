@@ -78,17 +78,17 @@ module attrito_accuracy_finer_balance
 contains
 
   !> For so many harmonics and samples.
-  subroutine set(self, harmonics, samples, by_events)
+  subroutine set(self, harmonics, samples, quadrature)
     class(finer_balance_type), intent(inout) :: self
     !> Highest harmonic, H; samples a period, J
     integer, intent(in) :: harmonics, samples
-    !> Are events preferred to samples?
-    logical, intent(in) :: by_events
+    !> Which contacts go by events: as with these
+    type(quadrature_type), intent(in) :: quadrature
 
     call self%destroy()
     self%harmonics = harmonics
-    self%quadrature = quadrature_type(by_events, fourier=new_fourier(0, samples), grid=new_grid(harmonics), &
-                                      discs=new_disc_rules(harmonics))
+    self%quadrature = quadrature_type(quadrature%by_events, quadrature%exact, fourier=new_fourier(0, samples), &
+                                      grid=new_grid(harmonics), discs=new_disc_rules(harmonics))
   end subroutine set
 
   !> The solver's present point, corrected.
@@ -265,7 +265,7 @@ contains
     integer, intent(in) :: contact
 
     is_denser_for = self%quadrature%fourier%samples > balance%quadrature%fourier%samples .and. &
-                    .not. goes_by_events(balance%law(contact), balance%quadrature%by_events)
+                    .not. goes_by_events(balance%law(contact), balance%quadrature)
   end function is_denser_for
 
   !> What the finer balance's forces differ by at the harmonics up to H, and where its periodic sliders would go.

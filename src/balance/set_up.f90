@@ -80,7 +80,7 @@ contains
     logical :: needed
 
     needed = .not. allocated(self%law)
-    if (.not. needed) needed = any(may_need_samples(self%law, self%quadrature%by_events)) &
+    if (.not. needed) needed = any(may_need_samples(self%law, self%quadrature)) &
                                .or. self%quadrature%fourier%samples /= samples
     if (.not. needed) return
     call self%quadrature%fourier%destroy()

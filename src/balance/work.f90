@@ -32,9 +32,9 @@ contains
     real(wp) :: k
 
     k = coefficients
-    if (goes_by_events(law, quadrature%by_events) .and. law%tangents == 2) then
+    if (goes_by_events(law, quadrature) .and. law%tangents == 2) then
       contact_work = 5.0_wp*k*(12.0_wp*k**2 + 48.0_wp*k + 600.0_wp)
-    else if (goes_by_events(law, quadrature%by_events)) then
+    else if (goes_by_events(law, quadrature)) then
       contact_work = 168.0_wp*k**2
     else if (law%tangents == 2) then
       contact_work = 12.0_wp*k**2*quadrature%fourier%samples + 28.0_wp*k*quadrature%fourier%samples

@@ -24,6 +24,8 @@ module attrito_contact_evaluation
   type :: quadrature_type
     !> Events, exact, rather than samples wherever a contact has them
     logical :: by_events = .false.
+    !> The same of contacts with two tangents, too
+    logical :: exact = .false.
     !> Transforms between samples and coefficients
     type(fourier_type) :: fourier
     !> Where roots are looked for
@@ -35,33 +37,33 @@ module attrito_contact_evaluation
 contains
 
   !> Does a contact go by events?
-  elemental logical function goes_by_events(law, by_events)
+  elemental logical function goes_by_events(law, quadrature)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
-    !> Are events preferred to samples?
-    logical, intent(in) :: by_events
+    !> What evaluations of all contacts share
+    type(quadrature_type), intent(in) :: quadrature
 
-    goes_by_events = by_events .and. law%has_events()
+    goes_by_events = quadrature%by_events .and. law%has_events() .and. (law%tangents == 1 .or. quadrature%exact)
   end function goes_by_events
 
   !> May samples have to serve a contact? Those of two tangents do where a period passes, and where panels of slip become too short.
-  elemental logical function may_need_samples(law, by_events)
+  elemental logical function may_need_samples(law, quadrature)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
-    !> Are events preferred to samples?
-    logical, intent(in) :: by_events
+    !> What evaluations of all contacts share
+    type(quadrature_type), intent(in) :: quadrature
 
-    may_need_samples = law%tangents == 2 .or. .not. goes_by_events(law, by_events)
+    may_need_samples = law%tangents == 2 .or. .not. goes_by_events(law, quadrature)
   end function may_need_samples
 
   !> Is the second derivative of its forces known (`attrito_contact_second_derivative_event`)?
-  elemental logical function has_second_derivative(law, by_events)
+  elemental logical function has_second_derivative(law, quadrature)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
-    !> Are events preferred to samples?
-    logical, intent(in) :: by_events
+    !> What evaluations of all contacts share
+    type(quadrature_type), intent(in) :: quadrature
 
-    has_second_derivative = law%tangents == 1 .and. goes_by_events(law, by_events)
+    has_second_derivative = law%tangents == 1 .and. goes_by_events(law, quadrature)
   end function has_second_derivative
 
   !> Forces and Jacobian of one contact.
@@ -115,7 +117,7 @@ contains
     call begin_sum(law, size(motion, 1), forces)
     do i = 1, law%elements()
       call evaluate_element(law%element(i), quadrature, motion, slider(2*i - 1:2*i), &
-                            periodic .and. .not. goes_by_events(law, quadrature%by_events), own)
+                            periodic .and. .not. goes_by_events(law, quadrature), own)
       call add_element(law, i, own, forces)
     end do
     call complete_sum(law, forces)
@@ -141,7 +143,7 @@ contains
       return
     end if
     done = .false.
-    if (goes_by_events(law, quadrature%by_events)) then
+    if (goes_by_events(law, quadrature)) then
       if (law%tangents == 1) then
         call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
         done = .true.

@@ -71,7 +71,7 @@ contains
     end if
     if (kind == reference_tangent .and. structure%damping_kind == damping_ratio) self%system%modal_damping = &
       damping_form(structure, stuck, self%system%modes, self%system%omega)
-    self%rigid = max(size(rigid_body_modes(self%system%stiffness), 2), count(self%system%omega <= 0.0_wp))
+    self%rigid = max(size(rigid_body_modes(self%system%stiffness), 2), self%system%resting)
   end subroutine new_reference
 
   !> Natural angular frequencies of a structure, or of a sector in the wave of its first harmonic, with Coriolis forces.

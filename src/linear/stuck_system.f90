@@ -36,6 +36,8 @@ module attrito_linear_stuck_system
   real(wp), parameter :: times_rounding = 4.0_wp ! guess
 
   type :: stuck_system_type
+    !> How many of its modes, the first, have a frequency that is nothing but rounding
+    integer :: resting = 0
     !> K~ [m, m]
     real(wp), allocatable :: stiffness(:, :)
     !> Modes [m, m] with their stiffness and mass, x^T K~ x and x^T M x [m]
@@ -324,7 +326,8 @@ contains
     end if
     associate (square => self%modal_stiffness)
       if (-square(1) <= largest_rounding*square(size(square))) then
-        where (square <= -times_rounding*square(1)) square = 0.0_wp
+        self%resting = count(square <= -times_rounding*square(1))
+        square(:self%resting) = 0.0_wp
       end if
     end associate
     self%modal_stiffness = max(self%modal_stiffness, 0.0_wp)

@@ -99,7 +99,7 @@ contains
     sampled = 0.0_wp
     do i = 1, size(balance%law)
       if (.not. allocated(balance%forces(i)%jacobian)) cycle
-      if (.not. has_second_derivative(balance%law(i), balance%quadrature%by_events)) sampled = 1.0_wp
+      if (.not. has_second_derivative(balance%law(i), balance%quadrature)) sampled = 1.0_wp
     end do
     has = .not. balance%ranks%largest(sampled) > 0.0_wp
   end function has_second_derivatives

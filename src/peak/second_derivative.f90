@@ -40,7 +40,7 @@ contains
         last = first + law%tangents
         columns = reshape([(directions(n)%motion(:, first:last), n=1, size(directions))], [k*(law%tangents + 1), size(directions)])
         allocate (product, mold=columns)
-        if (has_second_derivative(law, balance%quadrature%by_events)) then
+        if (has_second_derivative(law, balance%quadrature)) then
           call sum_elements(balance, motion(:, first:last), i, along%motion(:, first:last), columns, product)
         else
           product = difference(balance, motion, i, along, columns)

@@ -44,6 +44,8 @@ module attrito_solve_solver
     logical :: uncoupled = .false.
     !> Contacts with one tangent by events rather than by samples
     logical :: by_events = .false.
+    !> The same of contacts with two tangents, too
+    logical :: exact = .false.
   end type solver_options_type
 
   type :: solver_type
@@ -117,6 +119,7 @@ contains
     allocate (self%context)
     call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
     self%context%balance%quadrature%by_events = options%by_events
+    self%context%balance%quadrature%exact = options%exact
     self%context%tolerance = options%tolerance
     call new_newton(self%context, self%newton)
     if (self%context%petsc_error /= 0) then

@@ -64,7 +64,7 @@ contains
     if (allocated(error)) return
     solver%context%balance%monitors = solver%context%balance%contact_rows%part([1])
     before = norm2(solver%motion(2:3, 1))
-    call finer%set(3, solver%options%samples, solver%options%by_events)
+    call finer%set(3, solver%options%samples, solver%context%balance%quadrature)
     call finer%correct(solver, first, status)
     call step_again(finer, solver, first, 1.0e-3_wp, 0, second)
     call check(error, status == 0 .and. allocated(second%monitors), 'a step is singular')
@@ -90,7 +90,7 @@ contains
     call solve_wedge(1, solver, error)
     if (allocated(error)) return
     solver%context%balance%monitors = solver%context%balance%contact_rows%part([1, 2])
-    call finer%set(7, solver%options%samples, solver%options%by_events)
+    call finer%set(7, solver%options%samples, solver%context%balance%quadrature)
     call finer%correct(solver, first, status)
     call step_again(finer, solver, first, 0.0_wp, 0, second(0))
     call step_again(finer, solver, first, 0.0_wp, 30, second(1))

@@ -2,7 +2,7 @@
 program test_pressure_friction
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_contact_evaluation, only: goes_by_events
+  use attrito_contact_evaluation, only: goes_by_events, quadrature_type
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_law_laws, only: new_law
@@ -111,9 +111,9 @@ contains
     type(contact_type) :: contact
 
     contact = rubbing(1)
-    call check(error, .not. goes_by_events(contact, .true.), 'by events')
+    call check(error, .not. goes_by_events(contact, quadrature_type(by_events=.true.)), 'by events')
     deallocate (contact%law)
-    call check(error, goes_by_events(contact, .true.), 'a Coulomb spring goes by samples')
+    call check(error, goes_by_events(contact, quadrature_type(by_events=.true.)), 'a Coulomb spring goes by samples')
   end subroutine no_events
 
   subroutine one_tangent(error)

@@ -116,8 +116,8 @@ contains
   subroutine into_mean(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call check(error, turns_into_mean(0.9_wp, 0.099_wp), 'from harmonics to the mean')
-    call check(error,.not. turns_into_mean(0.9_wp, 0.101_wp), 'a tenth is harmonics')
+    call check(error, turns_into_mean(0.9_wp, 0.199_wp), 'from harmonics to the mean')
+    call check(error,.not. turns_into_mean(0.9_wp, 0.201_wp), 'a fifth is harmonics')
     call check(error, turns_into_mean(0.04_wp, 0.019_wp), 'half of what it was')
     call check(error,.not. turns_into_mean(0.04_wp, 0.021_wp), 'more than half')
     call check(error,.not. turns_into_mean(0.02_wp, 0.05_wp), 'out of the mean')

@@ -242,10 +242,11 @@ def _check_balance(job: Job) -> list[Fault]:
 
 def _goes_by_samples(job: Job) -> bool:
     """Whether any contact goes by samples."""
-    by_events = job["balance"]["quadrature"] != "sampled"
+    quadrature = job["balance"]["quadrature"]
     two = [len(contact["tangents"] or []) == 2 for contact in job["contact"]]
     two += [contacts["tangents"] == 2 for contacts in job["contact_set"]]
-    return not by_events or any(two) or bool(laws_by_samples(job))
+    by_samples = quadrature == "sampled" or (any(two) and quadrature != "exact")
+    return by_samples or bool(laws_by_samples(job))
 
 
 def _check_stability(job: Job) -> list[Fault]:

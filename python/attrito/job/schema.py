@@ -244,11 +244,12 @@ TABLES: dict[str, dict[str, Key]] = {
             " Absent: 0.01 where harmonics or samples are chosen; with fixed ones the error is estimated, not checked",
         ),
         "quadrature": Key(
-            choice("event", "sampled", "auto"),
+            choice("event", "sampled", "auto", "exact"),
             None,
-            "by events, exact, what is not friction by pressure, which goes by samples; all by samples; or,"
-            ' `"auto"`, as by events, with as many samples as the tolerance asks for. Absent: `"auto"`, or `"event"`'
-            " where harmonics are fixed and no tolerance is given",
+            'one-tangent contacts by events, exact, two-tangent ones by samples; all by samples; or, `"auto"`, as by'
+            ' events, with as many samples as the tolerance asks for; or, `"exact"`, two-tangent ones by events, too'
+            ' (new; friction by pressure goes by samples). Absent: `"auto"`, or `"event"` where harmonics are fixed and'
+            " no tolerance is given",
         ),
         "samples": Key(
             integer(8, 2**20),

@@ -29,6 +29,7 @@ def solver_options(job: Job, rom: Rom | None = None) -> Options:
         reset_slider=job["static"]["slider"] == "reset",
         uncoupled=balance["approach"] == "uncoupled",
         by_events=balance["quadrature"] != "sampled",
+        exact=balance["quadrature"] == "exact",
         choose_harmonics=automatic,
         choose_samples=chosen,
         fewest_samples=(balance["samples"] if chosen and balance["samples"] else FEWEST_SAMPLES),
