@@ -40,6 +40,7 @@ typedef struct {
     int reset_slider;
     int uncoupled;
     int by_events;
+    int exact;
     int choose_harmonics;
     int choose_samples;
     int fewest_samples;

@@ -239,8 +239,8 @@ JOB = [
     ),
     Case(
         "a quadrature nobody knows",
-        put("balance", quadrature="exact"),
-        ('job.toml: [balance] quadrature = \'exact\': expected one of "event", "sampled", "auto"',),
+        put("balance", quadrature="simpson"),
+        ('job.toml: [balance] quadrature = \'simpson\': expected one of "event", "sampled", "auto", "exact"',),
     ),
     Case(
         "harmonics in words",
@@ -320,7 +320,7 @@ JOB = [
     Case(
         "a result that is a folder",
         put("output", file="."),
-        ("job.toml: [output] file = '.': expected a file, not a folder",),
+        ("job.toml: [output] file = '.': expected the name of a file",),
     ),
 ]
 CAMPBELL = [
