@@ -109,6 +109,7 @@ module attrito_balance_harmonic_balance
     procedure :: residual_omega
     procedure :: imbalance
     procedure :: remove_drift
+    procedure :: slip_radii
     procedure :: recover
     procedure :: norm
     procedure :: linear_response
@@ -313,6 +314,46 @@ contains
     end associate
   end function imbalance
 
+  !> Along how many slip radii, of the contact that has the largest, does a step of the mean slide bodies on all their contacts?
+  !> Friction is the same at any position: where contacts hardly hold, a Newton step goes anywhere along such a motion.
+  real(wp) function slip_radii(self, mean, step)
+    class(balance_type), intent(in) :: self
+    !> Of the relative displacements of the last evaluation [rows]
+    real(wp), intent(in) :: mean(:)
+    !> Change of it [rows]
+    real(wp), intent(in) :: step(:)
+    real(wp) :: slide(size(step)), longest, reach, limit(1), slope(1)
+    integer :: i
+
+    slip_radii = 0.0_wp
+    if (self%free%sliding == 0 .or. allocated(self%frozen_mean) .or. allocated(self%spring_anchor)) return
+    slide = slide_in(self, step)
+    reach = tiny(1.0_wp)
+    longest = 0.0_wp
+    do i = 1, size(self%law)
+      associate (law => self%law(i), last => self%law(i)%first_row + self%law(i)%tangents)
+        call law%slip_force([law%normal_force(mean(last))], limit, slope)
+        reach = max(reach, limit(1)/law%tangential_stiffness)
+        longest = max(longest, norm2(slide(law%first_row:last - 1)))
+      end associate
+    end do
+    slip_radii = self%ranks%largest(longest)/self%ranks%largest(reach)
+  end function slip_radii
+
+  !> The part of a change of the mean along which bodies slide on all contacts, as relative displacements of this rank's rows.
+  function slide_in(self, change) result(slide)
+    class(balance_type), intent(in) :: self
+    !> Of mean relative displacements [rows]
+    real(wp), intent(in) :: change(:)
+    real(wp) :: slide(size(change)), held(self%free%sliding)
+
+    associate (free => self%free, first_row => self%first_row, last_row => self%first_row + size(change) - 1)
+      held = matmul(change, free%held_rows(first_row:last_row, :free%sliding))
+      call self%ranks%sum(held)
+      slide = matmul(free%rows(first_row:last_row, :free%sliding), free%slide_of(held))
+    end associate
+  end function slide_in
+
   !> Slide a body back to where it was, as far as its structure and all contacts let it: where no contact holds, nothing else changes.
   subroutine remove_drift(self, before, mean, slider)
     class(balance_type), intent(in) :: self
@@ -322,15 +363,11 @@ contains
     real(wp), intent(inout) :: mean(:)
     !> Sliders of this rank, which go with it [width, contacts]
     real(wp), intent(inout) :: slider(:, :)
-    real(wp) :: held(self%free%sliding), back(size(mean))
+    real(wp) :: back(size(mean))
     integer :: e, i
 
     if (self%free%sliding == 0 .or. allocated(self%frozen_mean)) return
-    associate (free => self%free, first_row => self%first_row, last_row => self%first_row + size(mean) - 1)
-      held = matmul(before - mean, free%held_rows(first_row:last_row, :free%sliding))
-      call self%ranks%sum(held)
-      back = matmul(free%rows(first_row:last_row, :free%sliding), free%slide_of(held))
-    end associate
+    back = slide_in(self, before - mean)
     do i = 1, size(self%law)
       associate (first => self%law(i)%first_row, tangents => self%law(i)%tangents)
         mean(first:first + tangents - 1) = mean(first:first + tangents - 1) + back(first:first + tangents - 1)

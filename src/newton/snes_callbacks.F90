@@ -23,6 +23,9 @@ module attrito_newton_snes_callbacks
 
   !> Relative to the scales, beyond which a step says that the Jacobian is singular
   real(wp), parameter :: longest_step = 1.0e6_wp ! guess
+  !> Slip radii by which a step may slide bodies along all contacts, and the part of contacts' springs with which a longer one is solved
+  !> again
+  real(wp), parameter :: farthest_slide = 10.0_wp, slide_stiffening = 1.0e-3_wp ! guess
   !> Norm of the residual from which on it is decided which sliders rest
   real(wp), parameter :: settling_norm = 1.0e-3_wp ! guess
   !> Residual relative to the last from which on a step has hardly reduced it
@@ -247,7 +250,11 @@ contains
       PetscCall(VecNorm(y, NORM_INFINITY, longest, ierr))
       context%step = step
       context%right = right
-      if (status == 0 .and. longest <= longest_step) exit
+      if (status == 0 .and. longest <= longest_step) then
+        if (attempt == 2 .or. .not. slides_away(context, step)) exit
+        context%stiffening = slide_stiffening
+        cycle
+      end if
       ! Nearly singular. If nothing helps, no part of this step leads anywhere, and none at all ends the line search at once.
       PetscCall(VecSet(y, zero, ierr))
       deallocate (context%step%motion)
@@ -255,4 +262,17 @@ contains
       context%stiffening = least_stiffening
     end do
   end subroutine apply_inverse
+
+  !> Does a step slide a body far along all its contacts? Those that two discs hold give its mean no stiffness, and friction is the
+  !> same anywhere along such a motion; but sliders are drawn behind all that way, and are no more where the next iterate needs them.
+  logical function slides_away(context, step)
+    !> What a Newton iteration works on: balance, constraint, linear solver
+    type(newton_context_type), intent(in) :: context
+    !> Step of all unknowns
+    type(unknowns_type), intent(in) :: step
+
+    slides_away = .false.
+    if (allocated(context%balance%increment) .or. context%stiffening >= slide_stiffening) return
+    slides_away = context%balance%slip_radii(context%evaluated%motion(1, :), step%motion(1, :)) > farthest_slide
+  end function slides_away
 end module attrito_newton_snes_callbacks

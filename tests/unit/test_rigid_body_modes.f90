@@ -25,6 +25,7 @@ program test_rigid_body_modes
                       test('what mean forces lack along them is the residual''s part there, at any motion', balance_of_forces), &
                       test('of forces that balance but for rounding nothing is missing, but for a millionth something is', &
                            rounding_of_forces), &
+                      test('a slide is measured in slip radii, and nothing else is a slide', slide_in_slip_radii), &
                       test('a body slides back by what it has slid, and by nothing else', sliding_back)])
 
 contains
@@ -210,6 +211,35 @@ contains
     end associate
     call solver%destroy()
   end subroutine rounding_of_forces
+
+  subroutine slide_in_slip_radii(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    real(wp) :: mean(rows), step(rows), longest, reach
+    integer :: i
+
+    solver = solver_of(free_frame())
+    associate (balance => solver%context%balance)
+      mean = 1.0_wp + abs(noise(rows, 33))
+      step = 300.0_wp*balance%free%rows(:, 1)
+      longest = 0.0_wp
+      reach = 0.0_wp
+      do i = 1, size(balance%law)
+        associate (law => balance%law(i), last => balance%law(i)%first_row + balance%law(i)%tangents)
+          reach = max(reach, law%friction_coefficient*(law%preload + law%normal_stiffness*(mean(last) - law%gap)) &
+                      /law%tangential_stiffness)
+          longest = max(longest, norm2(step(law%first_row:last - 1)))
+        end associate
+      end do
+      call check(error, reach > 0.0_wp, 'no contact touches')
+      call check_close(error, balance%slip_radii(mean, step), longest/reach, rounding*longest/reach, 'a slide')
+      ! What the springs of the first contact's normal hold is no slide.
+      step = 0.0_wp
+      step(2) = 300.0_wp
+      call check_close(error, balance%slip_radii(mean, step), 0.0_wp, rounding*longest/reach, 'a normal displacement')
+    end associate
+    call solver%destroy()
+  end subroutine slide_in_slip_radii
 
   subroutine sliding_back(error)
     type(error_type), allocatable, intent(out) :: error
