@@ -5,7 +5,7 @@
 !> Discs are taken in one at a time, each at the instant at which the point so far lies farthest out of its disc, a maximum of
 !> |u - w| - r that is found on the grid and refined. At most two hold the answer (`attrito_contact_slider_projection`).
 !>
-!> Two discs hold it by e_i.(dw - du_i) = -dr_i, their instants being stationary. Where one holds it, w_0 moved by l along e, its
+!> Two discs hold it by e_i.(dw - du_i) = -dr_i, their instants being stationary. If one holds it, w_0 moved by l along e, its
 !> instant moves with the motion too, and so does w across e. With p = u'.e_perp, and s = u''.e + p^2/r - r'' < 0 of |u - w| - r,
 !>
 !> $$ e \cdot dw = e \cdot du - dr, \qquad

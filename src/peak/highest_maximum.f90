@@ -1,6 +1,6 @@
 !> The highest of maxima that stand close beside each other.
 !>
-!> Where contacts with two tangents are sampled the slope of the response jumps whenever one of the samples begins to slip. A peak
+!> If contacts with two tangents are sampled the slope of the response jumps whenever one of the samples begins to slip. A peak
 !> then has several maxima, parts of a thousand apart in height and in frequency, and to climb ends at any of them. From one of them
 !> the response is followed to either side, by relative changes of the motion up to the last of `distances`, or until it has fallen.
 !> An arc whose amplitude rises at its beginning and falls at its end stays below where the tangents at both meet: of arcs that may

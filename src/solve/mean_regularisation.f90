@@ -1,7 +1,7 @@
 !> A body that friction alone holds: is it held, or does it drift? Springs on its mean position are relaxed, solve by solve
 !> (`attrito_solve_mean_springs`), until contacts hold the body without them, or the springs carry the same force every time.
 !>
-!> Where few contacts hold, a step leaves 1 / (1 + s) of the way, s their stiffness by that of the springs, and eight steps may leave
+!> If few contacts hold, a step leaves 1 / (1 + s) of the way, s their stiffness by that of the springs, and eight steps may leave
 !> all but a tenth of it. After three steps the springs therefore soften tenfold with each, as long as Newton's method converges.
 module attrito_solve_mean_regularisation
   use attrito_core_kinds, only: wp

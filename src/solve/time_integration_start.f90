@@ -104,7 +104,7 @@ contains
       if (drifting == windows_in_a_row) outcome%evidence%is_drifting = .true.
       if (outcome%evidence%is_drifting .and. attempt >= attempts_lost) exit
     end do
-    ! Where the steps of a window fail, those before it have shown whether the motion settles.
+    ! If the steps of a window fail, those before it have shown whether the motion settles.
     outcome%evidence%no_periodic_solution = outcome%evidence%is_drifting .or. (.not. outcome%converged .and. change > settled)
   end subroutine run_and_solve
 

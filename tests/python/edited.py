@@ -22,7 +22,7 @@ def summed(path: str | Path) -> Iterator[h5py.File]:
 
 @contextmanager
 def edited(path: str | Path) -> Iterator[h5py.File]:
-    """The file, open for writing in the block; its sums, if it has any, are made anew where it can be read."""
+    """The file, open for writing in the block; its sums, if it has any, are made again if it can be read."""
     with h5py.File(path, "r+") as file:
         yield file
         if COUNT in file.attrs:

@@ -22,7 +22,7 @@ _BY_PARTS = ("attrito model", "attrito rom")
 LARGE = 1 << 28
 # Bytes that are read at a time
 _PIECE = 1 << 24
-_EXPECTED = "bytes as attrito wrote them: the file is damaged, so copy it again, or make it anew"
+_EXPECTED = "bytes as attrito wrote them: the file is damaged, so copy it, or make it, once more"
 # States of files that this process has looked at, so that opening one again costs nothing.
 _known: set[tuple[str, int, int, int]] = set()
 
