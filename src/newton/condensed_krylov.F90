@@ -17,6 +17,10 @@ module attrito_newton_condensed_krylov
   private
   public :: krylov_options_type, solve_by_krylov
 
+  !> Beginning again may cost GMRES more than twice the iterations. It does only where its vectors would have more numbers than these,
+  !> and not before it has so many vectors
+  PetscInt, parameter :: most_kept = 10000000, fewest_kept = 100 ! conventional
+
   type :: krylov_options_type
     !> Residual of the linear system, relative to its right-hand side; and what a product may leave out of a mode
     real(wp) :: tolerance = 1.0e-4_wp
@@ -154,8 +158,7 @@ contains
     type(tKSP) :: ksp
     type(tPC) :: pc
     PetscInt :: n, count
-    !> Vectors that GMRES keeps: memory
-    PetscInt, parameter :: longest_restart = 100 ! conventional
+    PetscInt :: total
     PetscReal :: residual, size_of_right
 
     iterations = 0
@@ -172,7 +175,8 @@ contains
       PetscCall(KSPCreate(ranks%handle, ksp, ierr))
     end associate
     PetscCall(KSPSetType(ksp, KSPFGMRES, ierr))
-    PetscCall(KSPGMRESSetRestart(ksp, min(most, longest_restart), ierr))
+    PetscCall(VecGetSize(x, total, ierr))
+    PetscCall(KSPGMRESSetRestart(ksp, min(most, max(fewest_kept, most_kept/total)), ierr))
     PetscCall(KSPSetPCSide(ksp, PC_RIGHT, ierr))
     PetscCall(KSPSetOperators(ksp, matrix, matrix, ierr))
     PetscCall(KSPGetPC(ksp, pc, ierr))
