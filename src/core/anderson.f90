@@ -14,9 +14,9 @@ module attrito_core_anderson
   public :: anderson_type
 
   type :: anderson_type
-    !> Changes of residuals and of answers from one x to the next, this rank's part [size, answers - 1]
+    !> Changes of residuals and of answers from one x to the next, this rank's part [size of either, answers - 1]
     real(wp), allocatable, private :: residuals(:, :), answers(:, :)
-    !> The last of both [size]
+    !> The last of both
     real(wp), allocatable, private :: residual(:), answer(:)
   contains
     procedure :: next
@@ -24,26 +24,26 @@ module attrito_core_anderson
 
 contains
 
-  !> The next x.
-  function next(self, ranks, x, answer)
+  !> The next x, or whatever follows linearly from the answers.
+  function next(self, ranks, residual, answer)
     class(anderson_type), intent(inout) :: self
     !> That share x
     type(communicator_type), intent(in) :: ranks
-    !> x and G(x), this rank's part
-    real(wp), intent(in) :: x(:, :), answer(:, :)
-    real(wp) :: next(size(x, 1), size(x, 2))
+    !> G(x) - x, this rank's part
+    real(wp), intent(in) :: residual(:)
+    !> G(x), and what else is to be mixed as it is
+    real(wp), intent(in) :: answer(:)
+    real(wp) :: next(size(answer))
     !> Part of a square of changes of residuals that is added to it, so that changes which are all alike have an answer
     real(wp), parameter :: rounding = 1.0e-12_wp ! derived
-    real(wp), allocatable :: now(:), residual(:), products(:, :), right(:, :)
+    real(wp), allocatable :: products(:, :), right(:, :)
     integer :: i, n, status
 
-    now = reshape(answer, [size(answer)])
-    residual = now - reshape(x, [size(x)])
     next = answer
     if (allocated(self%residual)) then
-      self%residuals = reshape([self%residuals, residual - self%residual], [size(now), size(self%residuals, 2) + 1])
-      self%answers = reshape([self%answers, now - self%answer], shape(self%residuals))
-      n = size(self%residuals, 2)
+      n = size(self%residuals, 2) + 1
+      self%residuals = reshape([self%residuals, residual - self%residual], [size(residual), n])
+      self%answers = reshape([self%answers, answer - self%answer], [size(answer), n])
       products = matmul(transpose(self%residuals), self%residuals)
       right = matmul(transpose(self%residuals), reshape(residual, [size(residual), 1]))
       call ranks%sum(products)
@@ -52,11 +52,11 @@ contains
         products(i, i) = products(i, i)*(1.0_wp + rounding) + tiny(1.0_wp)
       end do
       call solve_dense(products, right, status)
-      if (status == 0) next = reshape(now - matmul(self%answers, right(:, 1)), shape(next))
+      if (status == 0) next = answer - matmul(self%answers, right(:, 1))
     else
-      allocate (self%residuals(size(now), 0), self%answers(size(now), 0))
+      allocate (self%residuals(size(residual), 0), self%answers(size(answer), 0))
     end if
     self%residual = residual
-    self%answer = now
+    self%answer = answer
   end function next
 end module attrito_core_anderson
