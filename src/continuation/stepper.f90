@@ -12,7 +12,7 @@ module attrito_continuation_stepper
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_solve_rigid_drift, only: moves_mean_alone, turns_into_mean, mean_share, branch_steps_in_a_row
+  use attrito_solve_rigid_drift, only: moves_mean_alone, mean_share, branch_steps_in_a_row
   use attrito_solve_sliders, only: none_holds
   use attrito_solve_snapshot, only: snapshot_type, restore
   use attrito_solve_rebalancing, only: field_type, rebalance
@@ -22,6 +22,7 @@ module attrito_continuation_stepper
   use attrito_continuation_arrival, only: arrival_type, is_worth_keeping
   use attrito_continuation_correction, only: correct
   use attrito_continuation_curve_point, only: curve_point_type
+  use attrito_continuation_hidden_steps, only: hidden_steps_type
   use attrito_continuation_predictor, only: predictor_type, prediction_type, middle_of
   use attrito_continuation_secant, only: secant_type
   use attrito_continuation_step, only: step_type
@@ -51,10 +52,8 @@ module attrito_continuation_stepper
     real(wp) :: direction = 1.0_wp
     !> The last step that was accepted
     type(step_type) :: last
-    !> Has the branch turned into mean positions? Change of the drawn curve by the last steps, which together hardly show, and the
-    !> share of the tangent that is anything but means where they began
-    logical, private :: turns_into_mean = .false.
-    real(wp), private :: hidden = huge(1.0_wp), share_before = 0.0_wp
+    !> The last steps, which together hardly show on the drawn curve
+    type(hidden_steps_type), private :: hidden
     !> Tangent at the present point once it is looked at, before that at the point before; does the frequency turn between?
     type(tangent_type) :: tangent
     logical :: looked_ahead = .false., turned = .false.
@@ -118,6 +117,7 @@ contains
     self%tangent = tangent_type()
     call self%predictor%forget()
     call self%secant%forget()
+    self%hidden = hidden_steps_type()
   end subroutine begin
 
   !> The tangent and the point of the drawn curve at the solver's present point, where the balance was evaluated last: of a point that
@@ -233,7 +233,8 @@ contains
       else
         if (kept%is_next(tries%failures)) exit
         if (.not. kept%is_known) then
-          if (ends_in_mean(self, solver)) return
+          call self%hidden%add_failure()
+          if (ends_here(self, solver)) return
         end if
         call shorten(self, solver%report%converged .and. is_near(distance), tries)
         call restore(solver, before)
@@ -272,19 +273,20 @@ contains
     end if
   end function part_to_solve
 
-  !> Does the branch end at the present point, a step from there having failed? It does if it turns into mean positions, and if the
-  !> drawn curve would not show what that step could find.
-  logical function ends_in_mean(self, solver)
+  !> Does the branch end at the present point, a step from there having failed? It does if it creeps; or if it turns into mean
+  !> positions, and if the drawn curve would not show what that step could find.
+  logical function ends_here(self, solver)
     class(stepper_type), intent(in) :: self
     !> Solver of points: its balance
     type(solver_type), intent(in) :: solver
 
-    ends_in_mean = solver%context%balance%free%leaves_motion .and. self%here%is_known() .and. self%turns_into_mean
-    if (.not. ends_in_mean .or. self%tangent%share < mean_share) return
+    ends_here = self%hidden%creep()
+    if (ends_here .or. self%tangent%share < mean_share .or. .not. self%here%is_known()) return
     associate (shown => self%here%amplitude_rate/max(self%largest, tiny(1.0_wp)))
-      ends_in_mean = self%size*max(maxval(abs(shown)), abs(self%tangent%omega)/self%tangent%share) < self%tolerance
+      ends_here = solver%context%balance%free%leaves_motion .and. self%hidden%turn_into_mean .and. &
+                  self%size*max(maxval(abs(shown)), abs(self%tangent%omega)/self%tangent%share) < self%tolerance
     end associate
-  end function ends_in_mean
+  end function ends_here
 
   !> A try has failed: halve the step.
   subroutine shorten(self, runs_back, tries)
@@ -389,37 +391,29 @@ contains
     if (solver%all_stick) call self%predictor%drop_ahead()
     self%path_before = self%path
     self%path = self%path + self%last%length
-    self%turns_into_mean = .false.
+    self%hidden%turn_into_mean = .false.
     if (point%is_known()) then
-      call compare_shares(self, solver, tangent%share, point)
+      if (self%last%is_taken()) then
+        call self%hidden%add(change_to(self, solver, point), self%tolerance, self%last%across%share, tangent%share)
+      end if
       call stand_at(self, tangent, point)
     end if
     self%here = point
   end subroutine accept_step
 
-  !> Has the branch turned into mean positions by steps that together hardly show on the drawn curve, the last one at the least?
-  pure subroutine compare_shares(self, solver, share, point)
-    class(stepper_type), intent(inout) :: self
+  !> Change of the drawn curve by the step to a point, of amplitude or frequency, relative.
+  pure real(wp) function change_to(self, solver, point) result(change)
+    class(stepper_type), intent(in) :: self
     !> Solver of points: its scale of frequencies
     type(solver_type), intent(in) :: solver
-    !> Part of the tangent at the end of the last step that is anything but means
-    real(wp), intent(in) :: share
-    !> Point of the drawn curve there
+    !> Point of the drawn curve at the end of the step
     type(curve_point_type), intent(in) :: point
-    real(wp) :: change
 
     change = self%tolerance
-    if (self%here%is_known()) then
-      change = max(maxval(abs(point%amplitude - self%here%amplitude)/max(self%largest, tiny(1.0_wp))), &
-                   abs(point%omega - self%here%omega)/solver%context%frequency_scale)
-    end if
-    self%hidden = self%hidden + change
-    if (self%hidden >= self%tolerance) then
-      self%hidden = change
-      self%share_before = self%last%across%share
-    end if
-    self%turns_into_mean = self%last%is_taken() .and. turns_into_mean(self%share_before, share)
-  end subroutine compare_shares
+    if (.not. self%here%is_known()) return
+    change = max(maxval(abs(point%amplitude - self%here%amplitude)/max(self%largest, tiny(1.0_wp))), &
+                 abs(point%omega - self%here%omega)/solver%context%frequency_scale)
+  end function change_to
 
   !> Keep a step made in frequency alone.
   subroutine remember_in_frequency(self, solver, before)
@@ -540,8 +534,6 @@ contains
     call self%predictor%keep(store)
     call self%secant%keep(store)
     call store%keep(self%drifting)
-    call store%keep(self%turns_into_mean)
-    call store%keep(self%hidden)
-    call store%keep(self%share_before)
+    call self%hidden%keep(store)
   end subroutine keep
 end module attrito_continuation_stepper

@@ -52,6 +52,8 @@ module attrito_continuation_sweep
     logical, private :: on_branch = .false.
     type(stored_points_type), private :: start
     integer, private :: steps = 0
+    !> Harmonics and samples that it began with
+    integer, private :: resolution(2) = 0
     !> The extreme angular frequency that the sweep has reached
     real(wp), private :: reach = 0.0_wp
   contains
@@ -77,6 +79,7 @@ contains
     self%range = range_type(start, stop)
     self%branch = branch
     self%max_points = max_points
+    self%resolution = [solver%options%harmonics, solver%options%samples]
     call self%stepper%begin(sign(1.0_wp, stop - start))
     call solver%set_scales(start, stop)
   end function new_sweep
@@ -119,6 +122,8 @@ contains
     call self%start%keep(store)
     call store%keep(self%steps)
     call store%keep(self%reach)
+    call store%keep(self%resolution(1))
+    call store%keep(self%resolution(2))
   end subroutine keep
 
   !> Solve the next point; the solver's report says how it ended.
@@ -145,12 +150,15 @@ contains
     if (.not. self%stepper%looked_ahead) call self%stepper%look_here(solver)
   end subroutine advance
 
-  !> The point of the sweep was solved anew, finer: the curve goes through it.
+  !> The point of the sweep was solved again, finer: the curve goes through it. If it has left the range by that, it is taken back.
   subroutine look_here(self, solver)
     class(sweep_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
+    if (self%range%is_left(solver%omega) .and. .not. (self%finished .or. is_back_at_start(self, solver))) then
+      call solve_at_end(self, solver, self%range%clipped(solver%omega))
+    end if
     call self%stepper%look_here(solver)
   end subroutine look_here
 
@@ -224,7 +232,7 @@ contains
   end subroutine watch_closing
 
   !> The branch was lost or left the range: look for another beyond the frequencies that the sweep has reached, from the static
-  !> solution, and begin at its other end.
+  !> solution and on the series that the sweep began with, and begin at its other end.
   subroutine begin_past(self, solver)
     type(sweep_type), intent(inout) :: self
     !> Solver of points, which this moves
@@ -242,6 +250,7 @@ contains
       call begin_at(self, solver, reach + gap*self%range%width(), at_little_cost=.false.)
       return
     end if
+    call solver%set_resolution(self%resolution(1), self%resolution(2))
     do
       call solver%rest()
       call begin_at(self, solver, reach + gap*self%range%width(), &
@@ -376,16 +385,27 @@ contains
 
     if (.not. self%range%is_left(solver%omega)) return
     target = self%range%clipped(solver%omega)
-    call note_end(self, target)
     iterations = solver%report%iterations
     solver%motion = before%motion + (target - before%omega)/(solver%omega - before%omega)*(solver%motion - before%motion)
     solver%omega = before%omega
     call solver%set_slider(before%slider, before%periodic)
-    call solve_by_strategies(solver, target)
-    solver%omega = target
+    call solve_at_end(self, solver, target)
     if (solver%report%converged) call self%stepper%remember_in_frequency(solver, before)
     solver%report%iterations = iterations + solver%report%iterations
   end subroutine end_at_range
+
+  !> Solve at an end of the range, from where the solver is.
+  subroutine solve_at_end(self, solver, omega)
+    type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    !> Angular frequency, rad/s
+    real(wp), intent(in) :: omega
+
+    call note_end(self, omega)
+    call solve_by_strategies(solver, omega)
+    solver%omega = omega
+  end subroutine solve_at_end
 
   !> A sweep that comes to its stop is finished.
   pure subroutine note_end(self, omega)

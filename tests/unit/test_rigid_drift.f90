@@ -2,6 +2,7 @@
 program test_rigid_drift
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
+  use attrito_continuation_hidden_steps, only: hidden_steps_type
   use attrito_solve_rigid_drift, only: steps_repeat, repeated_means_type, moves_mean_alone, turns_into_mean, alike_in_mean, &
                                          mean_share
   use testing, only: test, run_suite, check
@@ -19,7 +20,8 @@ program test_rigid_drift
                 test('only the last steps of the mean count', last_steps), &
                 test('rounding of a body that is far away is no drift', far_away), &
                 test('along a branch less has to change where a contact holds', along_branch), &
-                test('a branch turns into the mean by a step, not by being soft all along', into_mean)], quiet=.false.) > 0) then
+                test('a branch turns into the mean by a step, not by being soft all along', into_mean), &
+                test('a branch creeps by steps that show nothing and failed as longer ones', creeping)], quiet=.false.) > 0) then
     error stop 1
   end if
 
@@ -122,4 +124,28 @@ contains
     call check(error,.not. turns_into_mean(0.04_wp, 0.021_wp), 'more than half')
     call check(error,.not. turns_into_mean(0.02_wp, 0.05_wp), 'out of the mean')
   end subroutine into_mean
+
+  subroutine creeping(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(hidden_steps_type) :: after_failures, mixed, shown
+    integer :: i
+
+    do i = 1, 6
+      call check(error,.not. after_failures%creep(), 'too few of them')
+      call after_failures%add_failure()
+      call after_failures%add(0.1_wp, 1.0_wp, 0.9_wp, 0.9_wp)
+      if (modulo(i, 2) == 0) call mixed%add_failure()
+      call mixed%add(0.1_wp, 1.0_wp, 0.9_wp, 0.9_wp)
+      call shown%add_failure()
+      call shown%add(merge(1.0_wp, 0.1_wp, i == 4), 1.0_wp, 0.9_wp, 0.9_wp)
+    end do
+    call check(error,.not. after_failures%creep(), 'the next step has not failed')
+    call after_failures%add_failure()
+    call mixed%add_failure()
+    call shown%add_failure()
+    call check(error, after_failures%creep(), 'six steps, and the next one has failed')
+    call check(error,.not. mixed%creep(), 'half of the steps at once')
+    call check(error,.not. shown%creep(), 'one step of the six shows')
+    call check(error,.not. after_failures%turn_into_mean, 'all along as much of it harmonics')
+  end subroutine creeping
 end program test_rigid_drift
