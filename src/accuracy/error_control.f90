@@ -1,9 +1,9 @@
 !> A series just long enough for the error that is accepted, and samples just dense enough, chosen point by point.
 !>
 !> Harmonics left out fade as those do that are there, so the tail of the motion says how many more, or fewer, are needed for the
-!> estimated error (`attrito_accuracy_error_estimate`). Where the estimate is not sure, a longer series is solved, and the estimate is
-!> the change of the point. So it goes on until two series agree; if that is the first two, the point stays on the shorter one, and
-!> the part that the change was of what had been open holds for the next points of the branch.
+!> estimated error (`attrito_accuracy_error_estimate`). If the estimate is not sure, a longer series is solved, and the estimate is
+!> the change of the point. So it goes on until two series agree: the point stays on the shorter one of these, and the part that the
+!> change was of what had been open holds for the next points of the branch.
 !>
 !> Along a branch harmonics and samples stay. A change moves the branch by about its error, which may be more than a step does: the
 !> point is solved again in its own plane first, and the tangent found there. More are taken when a point asks for them, fewer when
@@ -265,7 +265,7 @@ contains
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     type(finer_point_type) :: finer
-    type(kept_point_type) :: first
+    type(kept_point_type) :: before
     real(wp), allocatable :: shorter(:, :)
     real(wp) :: left_open, change, shown
     integer :: attempt, harmonics, samples, iterations, unsettled
@@ -287,8 +287,8 @@ contains
         change = relative_change(shorter, own_monitors(solver))
         if (.not. self%estimator%is_sure) call compare(self, solver, change, unsettled)
         shown = change + self%errors%harmonics
-        if (attempt == 1 .and. left_open > 0.0_wp .and. self%estimator%is_sure .and. shown <= harmonics_share*self%tolerance) then
-          call first%go_back(solver, self%errors)
+        if (left_open > 0.0_wp .and. self%estimator%is_sure .and. shown <= harmonics_share*self%tolerance) then
+          call before%go_back(solver, self%errors)
           self%estimator%at_most = left_open
           call trust(self, solver, shown)
           self%next_harmonics = solver%options%harmonics
@@ -314,10 +314,12 @@ contains
         harmonics = max(harmonics, next_longer(solver%options%harmonics))
         harmonics = min(harmonics, most_harmonics)
         samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
-        if (attempt == 0 .and. accepted(self) .and. .not. self%estimator%is_stiff) then
-          left_open = self%estimator%at_most
-          call first%take(solver, self%errors)
-        end if
+      end if
+      left_open = 0.0_wp
+      if (may_suffice(self)) then
+        left_open = self%estimator%at_most
+        self%errors%harmonics = self%estimator%not_compared
+        call before%take(solver, self%errors)
       end if
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
       if (attempt == 0 .and. self%given_up > 0) then
@@ -398,7 +400,7 @@ contains
     !> Harmonics that had not settled on that series, up to this one
     integer, intent(in) :: unsettled
 
-    self%errors%harmonics = max(self%errors%harmonics, change)
+    self%errors%harmonics = max(self%estimator%not_compared, change)
     self%estimator%is_sure = accepted(self) .and. solver%options%harmonics >= unsettled
   end subroutine compare
 
@@ -425,7 +427,7 @@ contains
 
     if (self%estimator%is_sure .or. self%estimator%is_stiff) return
     call self%comparison%bound([solver%options%harmonics, solver%options%samples], self%estimator%at_most, error, is_known)
-    error = max(self%errors%harmonics, error)
+    error = max(self%estimator%not_compared, error)
     if (.not. is_known .or. error > harmonics_share*self%tolerance) return
     self%errors%harmonics = error
     self%estimator%is_sure = .true.
@@ -446,6 +448,14 @@ contains
     accepted = (.not. self%choose_harmonics .or. self%errors%harmonics <= harmonics_share*self%tolerance) .and. &
                (.not. self%choose_samples .or. self%errors%samples <= samples_share*self%tolerance)
   end function accepted
+
+  !> May a comparison with a longer series show that this one is long enough?
+  pure logical function may_suffice(self)
+    type(error_control_type), intent(in) :: self
+
+    may_suffice = self%choose_harmonics .and. .not. (self%estimator%is_sure .or. self%estimator%is_stiff) .and. &
+                  self%estimator%not_compared <= harmonics_share*self%tolerance
+  end function may_suffice
 
   !> Harmonics that this point needs: the error shrinks with the part of the motion that is left out.
   integer function needed_harmonics(self, solver, finer) result(needed)

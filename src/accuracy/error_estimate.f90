@@ -48,8 +48,9 @@ module attrito_accuracy_error_estimate
     logical :: is_sure = .true., is_stiff = .false.
     !> Harmonics that have not settled, up to this one
     integer :: unsettled = 0
-    !> The error, if it came to all that the two steps leave open
-    real(wp) :: at_most = 0.0_wp
+    !> The error, if it came to all that the two steps leave open; what of it no comparison of two series shows: if the steps do not
+    !> agree, forces are not linear so far, and nothing is known but what is missing beyond
+    real(wp) :: at_most = 0.0_wp, not_compared = 0.0_wp
     type(finer_balance_type), private :: longer
     type(resonances_type), private :: resonances
     !> Greatest ratio of a contact's stiffness to that of the structure at it; negative: not computed yet
@@ -78,6 +79,7 @@ contains
     type(second_step_type) :: second
     real(wp) :: error, difference, asked
     real(wp), allocatable :: own(:, :)
+    logical :: agrees
     integer :: status
 
     errors%harmonics = 0.0_wp
@@ -86,6 +88,7 @@ contains
     self%is_stiff = .false.
     self%unsettled = 0
     self%at_most = 0.0_wp
+    self%not_compared = 0.0_wp
     if (.not. solved) return
     associate (balance => solver%context%balance)
       if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
@@ -96,13 +99,14 @@ contains
         error = relative_change(own, finer%monitors)
         self%unsettled = second%unsettled
         self%is_sure = .false.
+        agrees = .false.
         if (allocated(second%monitors)) then
           difference = relative_change(finer%monitors, second%monitors)
           error = max(error, relative_change(own, second%monitors))
           asked = min(tolerance, nominal_tolerance)
           self%at_most = error + difference + second%missing
-          self%is_sure = (second%unsettled == 0 .and. difference <= max(agreement*error, negligible*harmonics_share*asked)) .or. &
-                         self%at_most <= harmonics_share*asked
+          agrees = difference <= max(agreement*error, negligible*harmonics_share*asked)
+          self%is_sure = (second%unsettled == 0 .and. agrees) .or. self%at_most <= harmonics_share*asked
         end if
       end if
       if (balance%receptance%harmonics < short_stiff_series .and. .not. solver%all_stick) then
@@ -112,7 +116,10 @@ contains
       end if
       errors%samples = finer%samples_share*error
       errors%harmonics = error - errors%samples
-      if (status == 0) errors%harmonics = max(errors%harmonics, second%missing)
+      if (status == 0) then
+        errors%harmonics = max(errors%harmonics, second%missing)
+        self%not_compared = merge(errors%harmonics, second%missing, agrees)
+      end if
     end associate
   end subroutine estimate
 

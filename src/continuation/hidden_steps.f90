@@ -15,7 +15,7 @@ module attrito_continuation_hidden_steps
   public :: hidden_steps_type
 
   !> Steps among them that had each failed as a longer one, after which a branch creeps
-  integer, parameter :: most_crept = 6 ! guess
+  integer, parameter :: most_crept = 4 ! guess
 
   type :: hidden_steps_type
     !> Change of the drawn curve by them

@@ -150,17 +150,35 @@ contains
     if (.not. self%stepper%looked_ahead) call self%stepper%look_here(solver)
   end subroutine advance
 
-  !> The point of the sweep was solved again, finer: the curve goes through it. If it has left the range by that, it is taken back.
+  !> The point of the sweep was solved again, finer: the curve goes through it.
   subroutine look_here(self, solver)
     class(sweep_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
     if (self%range%is_left(solver%omega) .and. .not. (self%finished .or. is_back_at_start(self, solver))) then
-      call solve_at_end(self, solver, self%range%clipped(solver%omega))
+      call take_back(self, solver)
     end if
     call self%stepper%look_here(solver)
   end subroutine look_here
+
+  !> A point that has left the range as it was refined is taken back to the end of that, if it is easily solved there; else it stays.
+  subroutine take_back(self, solver)
+    type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    type(snapshot_type) :: beyond
+    type(newton_report_type) :: report
+    integer :: status
+
+    beyond = snapshot_of(solver)
+    report = solver%report
+    call solve_at_end(self, solver, self%range%clipped(solver%omega), at_little_cost=.true.)
+    if (solver%report%converged) return
+    call restore(solver, beyond)
+    call solver%context%balance%evaluate(solver%motion, solver%omega, status)
+    solver%report = report
+  end subroutine take_back
 
   !> Resize stored vectors to so many harmonics.
   subroutine set_harmonics(self, harmonics)
@@ -389,21 +407,23 @@ contains
     solver%motion = before%motion + (target - before%omega)/(solver%omega - before%omega)*(solver%motion - before%motion)
     solver%omega = before%omega
     call solver%set_slider(before%slider, before%periodic)
-    call solve_at_end(self, solver, target)
+    call solve_at_end(self, solver, target, at_little_cost=.false.)
     if (solver%report%converged) call self%stepper%remember_in_frequency(solver, before)
     solver%report%iterations = iterations + solver%report%iterations
   end subroutine end_at_range
 
   !> Solve at an end of the range, from where the solver is.
-  subroutine solve_at_end(self, solver, omega)
+  subroutine solve_at_end(self, solver, omega, at_little_cost)
     type(sweep_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Only by strategies of little cost?
+    logical, intent(in) :: at_little_cost
 
     call note_end(self, omega)
-    call solve_by_strategies(solver, omega)
+    call solve_by_strategies(solver, omega, at_little_cost)
     solver%omega = omega
   end subroutine solve_at_end
 
