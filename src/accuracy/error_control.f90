@@ -18,8 +18,9 @@ module attrito_accuracy_error_control
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_accuracy_finer_solution, only: solve_finer
   use attrito_accuracy_kept_point, only: kept_point_type
-  use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
+  use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_accuracy_series_comparison, only: patience, series_comparison_type
+  use attrito_accuracy_series_length, only: series_length_type, next_longer, most_harmonics, most_growth, long_series
   use attrito_continuation_sweep, only: sweep_type
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_strategy_outcome, only: evidence_type
@@ -29,31 +30,16 @@ module attrito_accuracy_error_control
   private
   public :: error_control_type
 
-  !> What a change of harmonics or samples aims at of the part of the tolerance that they may take: the estimate may be too small by a
-  !> factor, and the next point is not this one; of a long series, where a harmonic costs more than another try
-  real(wp), parameter :: aimed_part = 0.3_wp, aimed_at_length = 0.9_wp ! conventional
-  !> A series is cut where so few harmonics would do
-  real(wp), parameter :: worth_cutting = 0.75_wp ! guess
   !> Part of a series that had to be lengthened until its estimate was sure that the next point begins with at least
   real(wp), parameter :: shrinking = 0.8_wp ! guess
-  !> Harmonics and samples between which they are chosen
-  integer, parameter :: most_harmonics = 100, most_samples = 8192 ! conventional
   integer, parameter :: most_refinements = 8 ! conventional
-  !> Longest series to go to at once, in units of the present one: more is not known to be needed
-  integer, parameter :: most_growth = 2 ! guess
-  !> Longer series are long: Newton's method costs much there, and from far away it is given up early
-  integer, parameter :: long_series = 20 ! guess
   !> Operations that a point may take on longer series, some 15 s: of a large joint that hardly settles a point with an unknown error
   !> is worth more than none
   real(wp), parameter :: most_work = 5.0e10_wp ! guess
 
   type :: error_control_type
-    !> Relative error accepted in the amplitude
-    real(wp) :: tolerance = no_tolerance
-    !> Choose harmonics and samples by it?
-    logical :: choose_harmonics = .false., choose_samples = .false.
-    !> Fewest harmonics, those of the loads, and fewest samples
-    integer :: fewest_harmonics = 1, fewest_samples = 32
+    !> What is asked of harmonics and samples
+    type(series_length_type) :: series
     !> Of the present point; `modes` is the same for all points
     type(point_errors_type) :: errors
     type(error_estimate_type), private :: estimator
@@ -84,7 +70,7 @@ contains
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(out) :: finer
 
-    call self%estimator%estimate(solver, solved, self%tolerance, self%errors, finer)
+    call self%estimator%estimate(solver, solved, self%series%tolerance, self%errors, finer)
   end subroutine estimate
 
   !> Save or load what the next point depends on.
@@ -165,12 +151,12 @@ contains
     call solve_finer(solver, point, wanted(1), wanted(2), .true., iterations, accepted_too)
     if (accepted_too) then
       call self%estimate(solver, .true., point)
-      accepted_too = self%errors%are_known() .and. accepted(self)
-      if (accepted_too .and. .not. (self%estimator%is_sure .or. self%estimator%is_stiff)) then
+      if (may_suffice(self)) then
         shown = relative_change(own_monitors(solver), monitors) + here%errors%harmonics
-        if (shown <= harmonics_share*self%tolerance) call trust(self, solver, shown)
+        self%errors%harmonics = self%estimator%not_compared
+        if (shown <= harmonics_share*self%series%tolerance) call trust(self, solver, shown)
       end if
-      accepted_too = accepted_too .and. self%estimator%is_sure
+      accepted_too = self%errors%are_known() .and. self%series%accepts(self%errors) .and. self%estimator%is_sure
     end if
     if (.not. accepted_too) call here%go_back(solver, self%errors)
     solver%report%iterations = iterations
@@ -194,7 +180,7 @@ contains
     real(wp), intent(in) :: omega
 
     call begin_point(self, solver, omega)
-    if (self%choose_harmonics) then
+    if (self%series%choose_harmonics) then
       call solve_on_some_series(self, solver, omega)
     else
       call solve_by_strategies(solver, omega)
@@ -218,12 +204,12 @@ contains
     before = snapshot_of(solver)
     previous = solver%evidence
     samples = solver%options%samples
-    lengths = [solver%options%harmonics, max(self%fewest_harmonics, short_series), self%fewest_harmonics]
+    lengths = [solver%options%harmonics, max(self%series%fewest_harmonics, short_series), self%series%fewest_harmonics]
     iterations = 0
     do i = 1, size(lengths)
       if (i > 1) then
         if (lengths(i) >= solver%options%harmonics) cycle
-        call solver%set_resolution(lengths(i), max(self%fewest_samples, 6*lengths(i) + 2))
+        call solver%set_resolution(lengths(i), max(self%series%fewest_samples, 6*lengths(i) + 2))
         solver%evidence = previous
       end if
       call solve_by_strategies(solver, omega, at_little_cost=lengths(i) > long_series)
@@ -281,13 +267,13 @@ contains
     do attempt = 0, most_refinements
       call self%estimate(solver, solver%report%converged, finer)
       if (.not. (solver%report%converged .and. self%errors%are_known())) exit
-      if (.not. (self%choose_harmonics .or. self%choose_samples)) exit
+      if (.not. (self%series%choose_harmonics .or. self%series%choose_samples)) exit
       if (attempt == 0) call rely_on_comparison(self, solver)
       if (allocated(shorter)) then
         change = relative_change(shorter, own_monitors(solver))
         if (.not. self%estimator%is_sure) call compare(self, solver, change, unsettled)
         shown = change + self%errors%harmonics
-        if (left_open > 0.0_wp .and. self%estimator%is_sure .and. shown <= harmonics_share*self%tolerance) then
+        if (left_open > 0.0_wp .and. self%estimator%is_sure .and. shown <= harmonics_share*self%series%tolerance) then
           call before%go_back(solver, self%errors)
           self%estimator%at_most = left_open
           call trust(self, solver, shown)
@@ -296,24 +282,24 @@ contains
           exit
         end if
       end if
-      harmonics = needed_harmonics(self, solver, finer)
-      samples = needed_samples(self, solver, harmonics)
+      harmonics = self%series%needed_harmonics(solver, self%errors, finer)
+      samples = self%series%needed_samples(solver, self%errors, harmonics)
       ! A series on which estimates are not sure would be solved in vain.
       self%next_harmonics = max(harmonics, merge(0, nint(shrinking*solver%options%harmonics), was_sure))
       self%next_samples = samples
-      if ((accepted(self) .and. self%estimator%is_sure) .or. attempt == most_refinements) exit
+      if ((self%series%accepts(self%errors) .and. self%estimator%is_sure) .or. attempt == most_refinements) exit
       harmonics = max(harmonics, solver%options%harmonics)
       samples = max(samples, solver%options%samples)
       unsettled = 0
-      if (self%choose_harmonics .and. .not. self%estimator%is_sure) then
+      if (self%series%choose_harmonics .and. .not. self%estimator%is_sure) then
         was_sure = was_sure .and. self%estimator%is_stiff
         unsettled = min(self%estimator%unsettled, most_harmonics)
         ! Where the error is large the estimate does not know what is missing.
-        if (accepted(self)) harmonics = max(harmonics, unsettled)
+        if (self%series%accepts(self%errors)) harmonics = max(harmonics, unsettled)
         harmonics = min(harmonics, most_growth*solver%options%harmonics)
         harmonics = max(harmonics, next_longer(solver%options%harmonics))
         harmonics = min(harmonics, most_harmonics)
-        samples = max(needed_samples(self, solver, harmonics), solver%options%samples, 6*harmonics + 2)
+        samples = max(self%series%needed_samples(solver, self%errors, harmonics), solver%options%samples, 6*harmonics + 2)
       end if
       left_open = 0.0_wp
       if (may_suffice(self)) then
@@ -337,7 +323,7 @@ contains
       end if
     end do
     solver%context%most_work = huge(1.0_wp)
-    if (self%choose_harmonics .and. solver%report%converged .and. .not. self%estimator%is_sure) then
+    if (self%series%choose_harmonics .and. solver%report%converged .and. .not. self%estimator%is_sure) then
       self%errors%harmonics = ieee_value(self%errors%harmonics, ieee_quiet_nan)
     end if
     solver%report%iterations = iterations
@@ -381,7 +367,7 @@ contains
     can_leap = can_leap .and. .not. is_leap
     samples_of_step = samples
     if (harmonics > step) then
-      samples_of_step = max(needed_samples(self, solver, step), solver%options%samples, 6*step + 2)
+      samples_of_step = max(self%series%needed_samples(solver, self%errors, step), solver%options%samples, 6*step + 2)
       call solve_finer(solver, finer, step, samples_of_step, .false., iterations, better)
       if (better) return
     end if
@@ -401,7 +387,7 @@ contains
     integer, intent(in) :: unsettled
 
     self%errors%harmonics = max(self%estimator%not_compared, change)
-    self%estimator%is_sure = accepted(self) .and. solver%options%harmonics >= unsettled
+    self%estimator%is_sure = self%series%accepts(self%errors) .and. solver%options%harmonics >= unsettled
   end subroutine compare
 
   !> A longer series has shown what the point on this one errs by: it counts, and for the points that follow.
@@ -428,100 +414,18 @@ contains
     if (self%estimator%is_sure .or. self%estimator%is_stiff) return
     call self%comparison%bound([solver%options%harmonics, solver%options%samples], self%estimator%at_most, error, is_known)
     error = max(self%estimator%not_compared, error)
-    if (.not. is_known .or. error > harmonics_share*self%tolerance) return
+    if (.not. is_known .or. error > harmonics_share*self%series%tolerance) return
     self%errors%harmonics = error
     self%estimator%is_sure = .true.
   end subroutine rely_on_comparison
-
-  !> Length of the series that an estimate which is not sure is held against.
-  pure integer function next_longer(harmonics)
-    !> Highest harmonic, H
-    integer, intent(in) :: harmonics
-
-    next_longer = (5*harmonics)/4 + 2
-  end function next_longer
-
-  !> Does the point meet what is asked of harmonics and samples?
-  pure logical function accepted(self)
-    type(error_control_type), intent(in) :: self
-
-    accepted = (.not. self%choose_harmonics .or. self%errors%harmonics <= harmonics_share*self%tolerance) .and. &
-               (.not. self%choose_samples .or. self%errors%samples <= samples_share*self%tolerance)
-  end function accepted
 
   !> May a comparison with a longer series show that this one is long enough?
   pure logical function may_suffice(self)
     type(error_control_type), intent(in) :: self
 
-    may_suffice = self%choose_harmonics .and. .not. (self%estimator%is_sure .or. self%estimator%is_stiff) .and. &
-                  self%estimator%not_compared <= harmonics_share*self%tolerance
+    may_suffice = self%series%choose_harmonics .and. .not. (self%estimator%is_sure .or. self%estimator%is_stiff) .and. &
+                  self%estimator%not_compared <= harmonics_share*self%series%tolerance
   end function may_suffice
-
-  !> Harmonics that this point needs: the error shrinks with the part of the motion that is left out.
-  integer function needed_harmonics(self, solver, finer) result(needed)
-    type(error_control_type), intent(in) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Point by the finer balance, to first order
-    type(finer_point_type), intent(in) :: finer
-    real(wp), allocatable :: left_out(:)
-    real(wp) :: aimed
-    integer :: h, now
-
-    now = solver%options%harmonics
-    needed = now
-    if (.not. self%choose_harmonics) return
-    needed = self%fewest_harmonics
-    if (.not. allocated(finer%motion)) return
-    left_out = tails(solver, finer%motion)
-    do h = self%fewest_harmonics, size(left_out) - 1
-      needed = h
-      aimed = merge(aimed_part, aimed_at_length, h <= long_series)*harmonics_share*self%tolerance
-      if (self%errors%harmonics*left_out(h) <= aimed*left_out(now)) exit
-    end do
-    if (needed > nint(worth_cutting*now) .and. accepted(self)) needed = now
-    needed = min(max(needed, now/2, self%fewest_harmonics), max(most_growth*now, long_series), most_harmonics)
-  end function needed_harmonics
-
-  !> Norm of the contacts' motion beyond each harmonic [K].
-  function tails(solver, motion) result(left_out)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Coefficients of relative displacement, by harmonic and row
-    real(wp), intent(in) :: motion(:, :)
-    real(wp) :: left_out(size(motion, 1)/2)
-    integer :: h
-
-    left_out = 0.0_wp
-    do h = size(left_out) - 1, 1, -1
-      left_out(h) = left_out(h + 1) + sum(motion(2*h + 2:2*h + 3, :)**2)
-    end do
-    call solver%context%balance%ranks%sum(left_out)
-    left_out = sqrt(left_out)
-  end function tails
-
-  !> Samples that this point needs: their error falls like the square, and what harmonics are left out is to be seen.
-  integer function needed_samples(self, solver, harmonics) result(needed)
-    type(error_control_type), intent(in) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Highest harmonic, H
-    integer, intent(in) :: harmonics
-    real(wp) :: factor
-
-    needed = solver%options%samples
-    if (.not. any_sampled(solver)) then
-      ! They serve nothing: enough once, they stay.
-      needed = max(needed, 6*harmonics + 2)
-      return
-    end if
-    if (self%choose_samples) then
-      factor = sqrt(self%errors%samples/(aimed_part*samples_share*self%tolerance))
-      if (factor > 1.0_wp .or. factor < worth_cutting) needed = 8*ceiling(min(max(factor, 0.5_wp), 8.0_wp)*needed/8.0_wp)
-      needed = min(max(needed, self%fewest_samples), most_samples)
-    end if
-    if (self%choose_harmonics) needed = max(needed, 6*harmonics + 2)
-  end function needed_samples
 
   !> Give the transforms back.
   subroutine destroy(self)

@@ -126,7 +126,7 @@ contains
     call restore(session%solver, snapshot)
     call session%solver%context%balance%evaluate(snapshot%motion, snapshot%omega, status)
     call report_point(session%solver, session%solver%report, session%sweep%branch, session%accuracy%errors, &
-                      session%accuracy%tolerance, point%point)
+                      session%accuracy%series%tolerance, point%point)
     call session%solver%context%forget()
   end function bifurcation_at
 

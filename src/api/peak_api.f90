@@ -160,7 +160,7 @@ contains
     ended%converged = session%peak%found
     ended%iterations = session%peak%iterations
     call session%accuracy%estimate(session%solver, ended%converged, finer)
-    call report_point(session%solver, ended, branch, session%accuracy%errors, session%accuracy%tolerance, session%point)
+    call report_point(session%solver, ended, branch, session%accuracy%errors, session%accuracy%series%tolerance, session%point)
     peak%point = point_of(session%point)
     peak%evaluations = session%solver%context%balance%evaluations
     peak%ending = session%peak%ending

@@ -191,11 +191,11 @@ contains
                     tolerance=options%tolerance), &
                     session%solver, error)
     attrito_prepare = report_error(error, message)
-    session%accuracy%tolerance = merge(options%accepted_error, no_tolerance, options%accepted_error > 0.0_c_double)
-    session%accuracy%choose_harmonics = options%choose_harmonics /= 0
-    session%accuracy%choose_samples = options%choose_samples /= 0
-    session%accuracy%fewest_harmonics = max((size(session%structure%harmonic_load, 2) - 1)/2, 1)
-    session%accuracy%fewest_samples = options%fewest_samples
+    session%accuracy%series%tolerance = merge(options%accepted_error, no_tolerance, options%accepted_error > 0.0_c_double)
+    session%accuracy%series%choose_harmonics = options%choose_harmonics /= 0
+    session%accuracy%series%choose_samples = options%choose_samples /= 0
+    session%accuracy%series%fewest_harmonics = max((size(session%structure%harmonic_load, 2) - 1)/2, 1)
+    session%accuracy%series%fewest_samples = options%fewest_samples
     session%accuracy%errors%modes = options%mode_error
     session%curve_tolerance = options%curve_tolerance
     if (allocated(error)) return
@@ -298,7 +298,7 @@ contains
     session%moduli(2) = moduli_type()
     call session%accuracy%advance(session%sweep, session%solver)
     call report_point(session%solver, session%solver%report, session%sweep%branch, session%accuracy%errors, &
-                      session%accuracy%tolerance, session%point)
+                      session%accuracy%series%tolerance, session%point)
     call session%point%take_curve(session%sweep%stepper%here, session%sweep%stepper%path)
     point = point_of(session%point)
     point%finished = merge(1, 0, session%sweep%finished)
@@ -324,7 +324,7 @@ contains
     before = session%solver%omega
     call session%accuracy%solve_at(session%solver, omega)
     session%solver%omega = omega
-    call report_point(session%solver, session%solver%report, branch, session%accuracy%errors, session%accuracy%tolerance, &
+    call report_point(session%solver, session%solver%report, branch, session%accuracy%errors, session%accuracy%series%tolerance, &
                       session%point)
     if (.not. (session%solver%report%converged .or. session%solver%evidence%is_drifting)) session%solver%omega = before
     point = point_of(session%point)
