@@ -21,6 +21,7 @@ module attrito_accuracy_error_control
   use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_accuracy_series_comparison, only: patience, series_comparison_type
   use attrito_accuracy_series_length, only: series_length_type, next_longer, most_harmonics, most_growth, long_series
+  use attrito_continuation_range, only: range_type
   use attrito_continuation_sweep, only: sweep_type
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_strategy_outcome, only: evidence_type
@@ -103,7 +104,7 @@ contains
 
     resolution = [solver%options%harmonics, solver%options%samples]
     call sweep%advance(solver)
-    call refine(self, solver)
+    call refine(self, solver, sweep%range)
     call coarsen(self, solver)
     call sweep%set_harmonics(solver%options%harmonics)
     if (any(resolution /= [solver%options%harmonics, solver%options%samples])) call sweep%look_here(solver)
@@ -185,7 +186,7 @@ contains
     else
       call solve_by_strategies(solver, omega)
     end if
-    call refine(self, solver)
+    call refine(self, solver, range_type(omega, omega))
   end subroutine solve_at
 
   !> A series may have no solution, and every strategy is dear on a long one: there those of little cost are tried. Then all are on a
@@ -245,11 +246,14 @@ contains
   end subroutine begin_point
 
   !> Estimate the errors of the point, and solve it again on a finer series or more samples until they are accepted, or as fine as it
-  !> gets. A point that the finer balance does not reach stays, with its estimate if that is sure, and without if not.
-  subroutine refine(self, solver)
+  !> gets. A point that the finer balance does not reach stays, with its estimate if that is sure, and without if not; so does one that
+  !> would leave the range.
+  subroutine refine(self, solver, range)
     type(error_control_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    !> Of frequencies
+    type(range_type), intent(in) :: range
     type(finer_point_type) :: finer
     type(kept_point_type) :: before
     real(wp), allocatable :: shorter(:, :)
@@ -305,7 +309,6 @@ contains
       if (may_suffice(self)) then
         left_open = self%estimator%at_most
         self%errors%harmonics = self%estimator%not_compared
-        call before%take(solver, self%errors)
       end if
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
       if (attempt == 0 .and. self%given_up > 0) then
@@ -313,7 +316,12 @@ contains
         exit
       end if
       shorter = own_monitors(solver)
+      call before%take(solver, self%errors)
       call leap_or_step(self, solver, finer, harmonics, samples, can_leap, iterations, better)
+      if (better .and. .not. range%has(solver%omega)) then
+        call before%go_back(solver, self%errors)
+        better = .false.
+      end if
       if (.not. better) then
         if (work_of(solver) > solver%context%most_work) self%given_up = patience
         ! The next point had better begin with a series that has a solution.

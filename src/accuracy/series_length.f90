@@ -85,7 +85,7 @@ contains
       if (errors%harmonics*left_out(h) <= aimed*left_out(now)) exit
     end do
     if (needed > nint(worth_cutting*now) .and. self%accepts(errors)) needed = now
-    needed = min(max(needed, now/2, self%fewest_harmonics), max(most_growth*now, long_series), most_harmonics)
+    needed = min(max(needed, now/2, self%fewest_harmonics), most_growth*now, most_harmonics)
   end function needed_harmonics
 
   !> Norm of the contacts' motion beyond each harmonic [K].

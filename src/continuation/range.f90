@@ -13,6 +13,7 @@ module attrito_continuation_range
     procedure :: width
     procedure :: passes_stop
     procedure :: is_left
+    procedure :: has
     procedure :: clipped
     procedure :: keep
   end type range_type
@@ -43,6 +44,15 @@ contains
 
     is_left = self%passes_stop(omega) .or. (omega - self%start)*(self%stop - self%start) < 0.0_wp
   end function is_left
+
+  !> Does an angular frequency lie within, ends included?
+  pure logical function has(self, omega)
+    class(range_type), intent(in) :: self
+    !> Angular frequency, rad/s
+    real(wp), intent(in) :: omega
+
+    has = (omega - self%start)*(omega - self%stop) <= 0.0_wp
+  end function has
 
   !> The angular frequency itself, or the end that it has left the range by.
   pure real(wp) function clipped(self, omega)

@@ -35,7 +35,7 @@ module attrito_continuation_sweep
   integer, parameter :: fewest_steps = 4 ! guess
 
   type :: sweep_type
-    type(range_type), private :: range
+    type(range_type) :: range
     integer :: branch = 0, points = 0, max_points = 1000
     logical :: finished = .false.
     !> Did it end at its stop? Did the branch close upon itself?
@@ -156,29 +156,8 @@ contains
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
 
-    if (self%range%is_left(solver%omega) .and. .not. (self%finished .or. is_back_at_start(self, solver))) then
-      call take_back(self, solver)
-    end if
     call self%stepper%look_here(solver)
   end subroutine look_here
-
-  !> A point that has left the range as it was refined is taken back to the end of that, if it is easily solved there; else it stays.
-  subroutine take_back(self, solver)
-    type(sweep_type), intent(inout) :: self
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    type(snapshot_type) :: beyond
-    type(newton_report_type) :: report
-    integer :: status
-
-    beyond = snapshot_of(solver)
-    report = solver%report
-    call solve_at_end(self, solver, self%range%clipped(solver%omega), at_little_cost=.true.)
-    if (solver%report%converged) return
-    call restore(solver, beyond)
-    call solver%context%balance%evaluate(solver%motion, solver%omega, status)
-    solver%report = report
-  end subroutine take_back
 
   !> Resize stored vectors to so many harmonics.
   subroutine set_harmonics(self, harmonics)
@@ -403,29 +382,16 @@ contains
 
     if (.not. self%range%is_left(solver%omega)) return
     target = self%range%clipped(solver%omega)
+    call note_end(self, target)
     iterations = solver%report%iterations
     solver%motion = before%motion + (target - before%omega)/(solver%omega - before%omega)*(solver%motion - before%motion)
     solver%omega = before%omega
     call solver%set_slider(before%slider, before%periodic)
-    call solve_at_end(self, solver, target, at_little_cost=.false.)
+    call solve_by_strategies(solver, target)
+    solver%omega = target
     if (solver%report%converged) call self%stepper%remember_in_frequency(solver, before)
     solver%report%iterations = iterations + solver%report%iterations
   end subroutine end_at_range
-
-  !> Solve at an end of the range, from where the solver is.
-  subroutine solve_at_end(self, solver, omega, at_little_cost)
-    type(sweep_type), intent(inout) :: self
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Angular frequency, rad/s
-    real(wp), intent(in) :: omega
-    !> Only by strategies of little cost?
-    logical, intent(in) :: at_little_cost
-
-    call note_end(self, omega)
-    call solve_by_strategies(solver, omega, at_little_cost)
-    solver%omega = omega
-  end subroutine solve_at_end
 
   !> A sweep that comes to its stop is finished.
   pure subroutine note_end(self, omega)
