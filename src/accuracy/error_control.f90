@@ -246,8 +246,8 @@ contains
   end subroutine begin_point
 
   !> Estimate the errors of the point, and solve it again on a finer series or more samples until they are accepted, or as fine as it
-  !> gets. A point that the finer balance does not reach stays, with its estimate if that is sure, and without if not; so does one that
-  !> would leave the range.
+  !> gets. A point that the finer balance does not reach, or only out of the range, stays: with its estimate if that is sure, without
+  !> if not.
   subroutine refine(self, solver, range)
     type(error_control_type), intent(inout) :: self
     !> Solver of points, which this moves
