@@ -253,7 +253,7 @@ contains
     associate (balance => solver%context%balance, law => solver%context%balance%law(contact))
       forces%without_jacobian = .true.
       call evaluate_contact(law, self%quadrature, motion, slider, balance%forces(contact)%periodic, forces)
-      balance%work = balance%work + contact_work(law, size(motion, 1), self%quadrature)/4.0_wp
+      balance%work = balance%work + contact_work(law, size(motion, 1), self%quadrature, .true.)
     end associate
   end subroutine evaluate
 

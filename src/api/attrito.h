@@ -353,8 +353,9 @@ void attrito_keep_member(void *handle, int slot);
 /* Go back to the one remembered there. */
 void attrito_return_to_member(void *handle, int slot);
 
-/* Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed. */
-int attrito_solve_member(void *handle, const double *slider);
+/* Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed. It is given up after so many
+ * operations. */
+int attrito_solve_member(void *handle, const double *slider, double most_work);
 
 /* Go to an angular frequency, rad/s, from the present motion and sliders; 1 if that gave a point, else 0 and nothing has changed. */
 int attrito_solve_member_at(void *handle, double omega);

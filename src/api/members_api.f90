@@ -77,17 +77,20 @@ contains
     call return_to_member(session%solver, session%members(slot))
   end subroutine attrito_return_to_member
 
-  !> Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed.
-  integer(c_int) function attrito_solve_member(handle, slider) bind(c)
+  !> Move the sliders [contacts, width]; 1 if that gave a member, else 0 and nothing has changed. It is given up after so many
+  !> operations.
+  integer(c_int) function attrito_solve_member(handle, slider, most_work) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
     !> Sliders at the start of the period
     real(c_double), intent(in) :: slider(*)
+    !> Of all ranks
+    real(c_double), value :: most_work
     type(session_type), pointer :: session
     logical :: found
 
     session => session_of(handle)
-    call solve_member(session%solver, sliders_of(session, slider), found)
+    call solve_member(session%solver, sliders_of(session, slider), most_work, found)
     attrito_solve_member = merge(1, 0, found)
   end function attrito_solve_member
 

@@ -1,8 +1,8 @@
 !> Work counted rather than timed: floating-point operations by formulas, the same on every machine. With k = 2 H + 1 coefficients a
 !> row, J samples, m rows of contacts, n generalised coordinates, and a active unknowns:
 !>
-!>     contact by events            168 k^2                 (8 intervals of a period, Jacobian included)
-!>     contact by samples           4 k^2 J, with two tangents 12 k^2 J + 28 k J
+!>     contact by events            168 k^2                 (8 intervals of a period, Jacobian included; its forces alone a quarter)
+!>     contact by samples           4 k^2 J, with two tangents 12 k^2 J + 28 k J; its forces alone 4 k J a row
 !>     contact with two tangents by events
 !>                                  n (12 k^2 + 48 k + 600), with n = 5 k nodes of slip
 !>     residual                     6 k m n
@@ -21,21 +21,24 @@ module attrito_balance_work
 
 contains
 
-  !> Forces and Jacobian of one contact that slips or opens.
-  pure real(wp) function contact_work(law, coefficients, quadrature)
+  !> Forces of one contact that slips or opens, and their Jacobian.
+  pure real(wp) function contact_work(law, coefficients, quadrature, without_jacobian)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Of a row of the motion
     integer, intent(in) :: coefficients
     !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
+    logical, intent(in) :: without_jacobian
     real(wp) :: k
 
     k = coefficients
-    if (goes_by_events(law, quadrature) .and. law%tangents == 2) then
-      contact_work = 5.0_wp*k*(12.0_wp*k**2 + 48.0_wp*k + 600.0_wp)
-    else if (goes_by_events(law, quadrature)) then
+    if (goes_by_events(law, quadrature)) then
       contact_work = 168.0_wp*k**2
+      if (law%tangents == 2) contact_work = 5.0_wp*k*(12.0_wp*k**2 + 48.0_wp*k + 600.0_wp)
+      if (without_jacobian) contact_work = contact_work/4.0_wp
+    else if (without_jacobian) then
+      contact_work = 4.0_wp*k*(law%tangents + 1)*quadrature%fourier%samples
     else if (law%tangents == 2) then
       contact_work = 12.0_wp*k**2*quadrature%fourier%samples + 28.0_wp*k*quadrature%fourier%samples
     else

@@ -145,18 +145,24 @@ contains
 
   !> Move the start sliders, solve at the same frequency, and say whether that gave a member; if not, nothing has changed. First from
   !> the prediction of the linear model, which is exact where every contact sticks, then from the present motion.
-  subroutine solve_member(solver, slider, found)
+  subroutine solve_member(solver, slider, most_work, found)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Of all contacts [width, contacts]
     real(wp), intent(in) :: slider(:, :)
+    !> Operations of all ranks after which it is given up
+    real(wp), intent(in) :: most_work
     !> Is there such a member?
     logical, intent(out) :: found
     type(member_type) :: before
     real(wp), allocatable :: own(:, :)
+    real(wp) :: work
     integer :: attempt, status
 
     call keep_member(solver, before)
+    work = solver%context%balance%work
+    call solver%context%balance%ranks%sum(work)
+    solver%context%most_work = work + most_work
     associate (first => solver%context%balance%first_contact)
       own = slider(:, first:first + size(solver%context%balance%law) - 1)
     end associate
@@ -168,9 +174,10 @@ contains
       call solver%set_slider(own, before%point%periodic)
       call solver%solve_at(solver%omega)
       found = solver%report%converged .and. solver%report%defect <= accepted_defect
-      if (found) return
+      if (found .or. solver%context%gives_up()) exit
     end do
-    call return_to_member(solver, before)
+    solver%context%most_work = huge(1.0_wp)
+    if (.not. found) call return_to_member(solver, before)
   end subroutine solve_member
 
   !> Solve at another frequency, from the present motion and sliders, and say whether that gave a point; if not, nothing has changed.

@@ -13,7 +13,7 @@ from attrito.library.integrator import Integrator, Run
 from attrito.library.session import Options, Solver
 from attrito.results.journal import is_point, read_journal
 from attrito.results.result import Result
-from attrito.runs.bounds_by_members import Search, least_room
+from attrito.runs.bounds_by_members import VISITS, Search, least_room
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import reduced_scene
 
@@ -385,9 +385,9 @@ class CountedFamily:
     def __getattr__(self, name):
         return getattr(self._family, name)
 
-    def move(self, slider):
+    def move(self, slider, most_work=np.inf):
         self.moves += 1
-        return self._family.move(slider)
+        return self._family.move(slider, most_work)
 
     def is_interrupted(self):
         self._left -= 1
@@ -417,6 +417,56 @@ def test_a_search_does_no_more_than_its_budget_and_finds_the_same_as_far_as_it_c
         stopped, none, _ = search(most=0)
         assert none == 0
         assert np.isnan(stopped.mean).all()
+        return True
+
+    assert at_the_point(tmp_path, mixed_chain(), visit)
+
+
+def test_a_visit_is_given_up_when_it_has_taken_what_it_may_and_nothing_has_changed(tmp_path):
+    def visit(family, scene):
+        shown = family.describe()
+        family.keep(0)
+        slider = shown.slider.copy()
+        # So far that the law takes sliders back, which takes many steps.
+        slider[:, 0] += 50.0 * shown.free * shown.force[:, 0, 0] / scene.laws["tangential_stiffness"]
+        before = family.work()
+        assert family.move(slider)
+        whole = family.work() - before
+        family.go_back(0)
+        before = family.work()
+        assert not family.move(slider, 0.1 * whole)
+        assert family.work() - before < 0.8 * whole
+        assert np.array_equal(family.describe().force, shown.force)
+        return True
+
+    assert at_the_point(tmp_path, mixed_chain(), visit)
+
+
+class UnwillingFamily(CountedFamily):
+    """A family of which no other member is found, and whose visits take so much, or what they may."""
+
+    def __init__(self, family, cost):
+        super().__init__(family)
+        self._cost, self.taken = cost, 0.0
+
+    def move(self, slider, most_work=np.inf):
+        self.moves += 1
+        self.taken += min(self._cost, most_work)
+        return False
+
+    def work(self):
+        return self._family.work() + self.taken
+
+
+def test_the_one_member_that_is_visited_in_any_case_takes_no_more_than_it_may(tmp_path):
+    def visit(family, scene):
+        for part, moves in ((0.6, 2), (2.0, 1)):
+            least = 1e9
+            unwilling = UnwillingFamily(family, part * least / VISITS)
+            hull = Search(scene.laws)(unwilling, -1.0, 0.0, least)
+            assert (hull.members, hull.complete) == (1, False)
+            assert unwilling.moves >= moves
+            assert unwilling.taken <= least / VISITS * (1.0 + 1e-9)
         return True
 
     assert at_the_point(tmp_path, mixed_chain(), visit)

@@ -157,9 +157,12 @@ class Family:
         found: tuple[np.ndarray, np.ndarray] | None = self._ask("differentiate_mode", parameters, weight, own)
         return found
 
-    def move(self, slider: np.ndarray) -> bool:
-        """Move the sliders, `[nc, width]`; False if that gives no member, and nothing has changed."""
-        moved: bool = self._ask("move", slider)
+    def move(self, slider: np.ndarray, most_work: float = np.inf) -> bool:
+        """Move the sliders, `[nc, width]`; False if that gives no member, and nothing has changed.
+
+        `most_work`: operations after which it is given up.
+        """
+        moved: bool = self._ask("move", slider, most_work)
         return moved
 
     def move_to(self, frequency_hz: float) -> bool:
@@ -202,7 +205,8 @@ class Family:
         if what == "scale_friction":
             return self._solver.call("attrito_scale_friction", *arguments)
         if what == "move":
-            return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(arguments[0]))) == 1
+            slider, most_work = arguments
+            return self._solver.call("attrito_solve_member", pointer(np.ascontiguousarray(slider)), most_work) == 1
         if what == "move_to":
             return self._solver.call("attrito_solve_member_at", *map(omega, arguments)) == 1
         (contacts, monitors), coefficients = self._sizes, self._solver.coefficients

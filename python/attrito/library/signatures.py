@@ -94,7 +94,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_family_work": (c_double, (HANDLE,)),
     "attrito_keep_member": (None, (HANDLE, c_int)),
     "attrito_return_to_member": (None, (HANDLE, c_int)),
-    "attrito_solve_member": (c_int, (HANDLE, Doubles)),
+    "attrito_solve_member": (c_int, (HANDLE, Doubles, c_double)),
     "attrito_solve_member_at": (c_int, (HANDLE, c_double)),
     "attrito_describe_member": (c_int, (HANDLE, Doubles, Doubles, Doubles, Doubles, Doubles)),
     "attrito_ask_derivatives": (

@@ -42,9 +42,9 @@ MOST_HALVINGS = 6
 MOST_RELEASES = 3
 # Part by which free sliders are moved of what would leave no mean force, and of that if it fails: far members are dear.
 RELEASED = 0.25
-# Time of an operation of visits and of linear programs, in those of a point's solve: measured on the damper of 42
-# contacts and 285 dofs, 11 and 1.9 against 30 Gflop/s.
-VISITS, PROGRAMS = 3.0, 16.0
+# Time of an operation of visits and of linear programs, in those of a point's solve, where they are slowest: on five
+# models 4 to 14 and 1.9 against 9 to 15 Gflop/s.
+VISITS, PROGRAMS = 3.0, 8.0
 # Instants and directions at which the room of a contact is looked for.
 INSTANTS, ROOM_DIRECTIONS = 256, 8
 # Places where the family remembers members.
@@ -113,6 +113,11 @@ class _Budget:
             yield item
             cost = self.spent() - before
 
+    def move(self, slider: np.ndarray, most: float | None = None) -> bool:
+        """`family.move`, given up when more than `most` is spent, or the budget if that is not given."""
+        left = (self.most if most is None else most) - self.spent()
+        return self._family.move(slider, left / VISITS)
+
     def spent(self) -> float:
         """Operations so far, in those of the solver."""
         return VISITS * (self._family.work() - self._before) + PROGRAMS * self._programs
@@ -139,12 +144,12 @@ class Search:
     def __init__(self, laws: dict[str, np.ndarray]):
         self._laws = laws
 
-    def __call__(self, family: Family, work: float = np.inf, error: float = 0.0) -> Hull | None:
+    def __call__(self, family: Family, work: float = np.inf, error: float = 0.0, least: float = np.inf) -> Hull | None:
         """Visit members; None where the point itself cannot be described. The family ends where it began.
 
         `work`: operations of the solver after which the search ends, whatever it has found; where that is before any
-        other member was visited, one is all the same. `error`: of the balance, estimated, a part of the motion; NaN:
-        not known.
+        other member was visited, one is all the same if its visit takes no more than `least`. `error`: of the balance,
+        estimated, a part of the motion; NaN: not known.
         """
         budget = _Budget(family, work)
         shown = family.describe()
@@ -171,7 +176,7 @@ class Search:
             family.go_back(SHOWN)
             # Where all contacts hold, amplitudes are the same in all members.
             if hull.count == 1 and not shown.free.all() and not family.is_interrupted():
-                self._release(family, shown, hull, budget)
+                self._release(family, shown, hull, budget, least)
         count, monitors = len(shown.force), len(shown.monitors)
         both = np.where(ended, [hull.lowest, hull.highest], np.nan)
         both += np.array([[-1.0], [1.0]]) * _errors(shown, error)
@@ -181,25 +186,26 @@ class Search:
         visited = np.array([hull.lowest, hull.highest])[:, 3 * count + monitors :]
         return Hull(*found, hull.count, accuracy, bool(ended.all()), budget.spent(), visited)
 
-    def _release(self, family: Family, shown: Member, hull: _Extremes, budget: _Budget) -> None:
+    def _release(self, family: Family, shown: Member, hull: _Extremes, budget: _Budget, least: float) -> None:
         """Visit a member whose free contacts have less mean tangential force.
 
         T = kt (u - w): a slider moved by T_0 / kt would leave none if nothing else moved. A part of that is tried, and
-        less where the solver does not follow, as long as the budget lasts but once at least.
+        less where the solver does not follow, as long as the budget lasts, or what is left to this at `least`.
         """
         rest = shown.force[:, :2, 0] / self._laws["tangential_stiffness"][:, None]
         rest[~shown.free.astype(bool)] = 0.0
         part = RELEASED
-        for tries in range(MOST_RELEASES):
-            if tries > 1 and budget.spent() > budget.most:
-                return
+        most = max(budget.most, budget.spent() + least)
+        for _ in range(MOST_RELEASES):
             slider = shown.slider.copy()
             slider[:, :2] += part * rest
-            if family.move(slider):
+            if budget.move(slider, most):
                 member = family.describe()
                 if member is not None:
                     hull.add(values_of(member))
                 family.go_back(SHOWN)
+                return
+            if budget.spent() > most:
                 return
             part *= RELEASED
 
@@ -249,7 +255,7 @@ class Search:
         part = 1.0
         for _ in range(MOST_HALVINGS):
             budget.check()
-            if family.move(model.slider(part * step)):
+            if budget.move(model.slider(part * step)):
                 member = family.describe()
                 if member is not None:
                     values = values_of(member)

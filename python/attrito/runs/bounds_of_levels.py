@@ -20,7 +20,7 @@ from attrito.library.laws import are_coulomb
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
-from attrito.runs.bounds_by_members import Hull, Search
+from attrito.runs.bounds_by_members import VISITS, Hull, Search
 from attrito.support.errors import NumericsError
 
 if TYPE_CHECKING:
@@ -226,8 +226,8 @@ class Sampler:
 
     def _examine(self, one: Candidate) -> dict[str, np.ndarray]:
         """Visit members of a point, at which the solver stands; what was found, for `load_state`."""
-        left = self._schedule.left
-        hull = self._family.visit(lambda family: self._search(family, left, one.error))
+        left, least = self._schedule.left, VISITS * self._schedule.return_work
+        hull = self._family.visit(lambda family: self._search(family, left, one.error, least))
         if self._family.stopped:
             raise NumericsError(f"stopped by {self._family.stopped}")
         found = {} if hull is None else {f"hull/{name}": np.asarray(value) for name, value in vars(hull).items()}
