@@ -27,11 +27,9 @@ module attrito_accuracy_error_estimate
   !> The two steps of an estimate agree if they differ by no more than this part of it, or of what harmonics may take of the tolerance
   real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp ! guess
   !> Contacts so many times stiffer than the structure is at them may bounce at any frequency, and their steps linearised on a short
-  !> series are not those of a longer one
+  !> series are not those of a longer one. A contact r times as stiff moves with the structure at some sqrt(r) times the frequency
+  !> below which the structure moves without it; a series that does not reach so far sees impacts.
   real(wp), parameter :: stiff = 1.0e3_wp ! guess
-  !> Series that are not sure by themselves where contacts are so stiff: shorter than this. In the campaign (docs/accuracy.md) steps
-  !> see 2 to 30 % of the error of 3 to 19 harmonics where contacts are 9e3 to 9e5 times as stiff.
-  integer, parameter :: short_stiff_series = 20 ! measured
   !> Harmonics to try where a longer series has no solution
   integer, parameter :: short_series = 5 ! guess
   !> Fewest harmonics of the longer series, a guess: nine miss a mode at the 10th where blocks hardly slip
@@ -109,9 +107,9 @@ contains
           self%is_sure = (second%unsettled == 0 .and. agrees) .or. self%at_most <= harmonics_share*asked
         end if
       end if
-      if (balance%receptance%harmonics < short_stiff_series .and. .not. solver%all_stick) then
+      if (.not. solver%all_stick) then
         if (self%stiffness_ratio < 0.0_wp) self%stiffness_ratio = greatest_stiffness_ratio(solver)
-        self%is_stiff = self%is_sure .and. self%stiffness_ratio > stiff
+        self%is_stiff = self%is_sure .and. self%stiffness_ratio > max(stiff, real(balance%receptance%harmonics, wp)**2)
         self%is_sure = self%is_sure .and. .not. self%is_stiff
       end if
       errors%samples = finer%samples_share*error

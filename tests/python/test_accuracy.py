@@ -114,6 +114,46 @@ def test_the_estimate_is_the_error_of_samples(tmp_path):
     assert np.all(estimate[known] < 4.0 * truth[known])
 
 
+def test_the_estimate_of_a_long_series_is_its_error_where_a_contact_is_far_stiffer_than_its_body(tmp_path):
+    # Two masses, one of which rubs on a spring 2e4 times as stiff with a constant limit. By events in time they move by
+    truth = np.array([4.058214653573e-5, 4.579929889627e-5])
+    spring = (200.0 * np.pi) ** 2
+    stiffness = spring * np.array([[2.0, -1.0], [-1.0, 2.0]])
+    job = {
+        "model": {
+            "mass": [[1.0, 0.0], [0.0, 1.0]],
+            "stiffness": stiffness.tolist(),
+            "damping": (1e-4 / np.pi * stiffness).tolist(),
+        },
+        "contact": [
+            {
+                "tangents": [[[1, 1.0]]],
+                "tangential_stiffness": 1e10,
+                "friction_coefficient": 0.5,
+                "preload": 12.0,
+            }
+        ],
+        "load": [
+            {"kind": "harmonic", "cosine": [[0, 10.0]]},
+            {"kind": "harmonic", "harmonic": 2, "cosine": [[0, 4.0]], "sine": [[0, 4.0]]},
+        ],
+        "sweep": {"frequencies_hz": [110.0]},
+        "output": {
+            "file": "result.h5",
+            "monitors": [{"name": "x", "dofs": [[0, 1.0]]}, {"name": "y", "dofs": [[1, 1.0]]}],
+        },
+    }
+    # The error of H harmonics falls like 1/H as far as the contact's own frequency, some 140 times that of the load.
+    for tolerance in (1e-2, 3e-3):
+        amplitude, estimate, harmonics, _ = solved(tmp_path, job | {"balance": {"tolerance": tolerance}}, "x")
+        with h5py.File(tmp_path / "result.h5") as file:
+            amplitude = np.append(amplitude, file["monitors/y/amplitude"][:])
+        error = np.abs(amplitude / truth - 1.0).max()
+        assert harmonics[0] > 20
+        assert error / 3.0 < estimate[0] < tolerance
+        assert error < tolerance
+
+
 def test_where_long_series_have_no_solution_points_are_solved_on_short_ones_and_say_so(tmp_path):
     job = wedge(force=60.0) | {"balance": {}, "sweep": {"frequencies_hz": [136.0, 132.0]}}
     job["contact"][0] |= {"tangential_stiffness": 3e9, "normal_stiffness": 3e9}
