@@ -1,5 +1,6 @@
 !> Branches that close upon themselves: a step that passes the point where the branch was begun, to within what a prediction may err,
-!> is solved in the plane through that point; if it is met there, the branch is complete.
+!> is solved at the frequency of that point; if it is met there, the branch is complete. It is met from anywhere if it is the only
+!> motion at that frequency, and across a resonance steps pass near any small motion, so the step's own frequencies must pass it, too.
 module attrito_continuation_closed_branch
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: inner_product
@@ -27,13 +28,13 @@ contains
     type(step_type), intent(in) :: step
     type(snapshot_type) :: here
     real(wp), allocatable :: length(:, :), offset(:, :)
-    real(wp) :: length_omega, offset_omega, part, square, off
+    real(wp) :: length_omega, offset_omega, part, square, off, bulge
     integer :: status
 
     associate (context => solver%context, balance => solver%context%balance, point => start%points(1))
-      ! A step along the linear response passes what lies between its frequencies, and no more.
-      closes_on_itself = .not. (step%from%all_stick .and. step%to%all_stick) &
-                   .or. (point%omega - step%from%omega)*(point%omega - step%to%omega) <= 0.0_wp
+      bulge = bulge_of(step, context%frequency_scale)
+      closes_on_itself = point%omega >= min(step%from%omega, step%to%omega) - bulge .and. &
+                         point%omega <= max(step%from%omega, step%to%omega) + bulge
       if (.not. closes_on_itself) return
       length = scaled(step%to%motion - step%from%motion, context%motion_scale)
       length_omega = (step%to%omega - step%from%omega)/context%frequency_scale
@@ -64,6 +65,25 @@ contains
       call context%forget()
     end associate
   end function closes_on_itself
+
+  !> How far the frequency of a step may go beyond those of its ends, rad/s. A step along the linear response passes what lies
+  !> between, and no more; a cubic leaves its chord by 4/27 of each slope at most.
+  pure real(wp) function bulge_of(step, frequency_scale)
+    !> Step along the branch
+    type(step_type), intent(in) :: step
+    !> Unit of the tangents' frequencies, rad/s
+    real(wp), intent(in) :: frequency_scale
+    !> Greatest value of s (1 - s)^2, the part of a cubic by the slope at one end
+    real(wp), parameter :: most_of_slope = 4.0_wp/27.0_wp ! derived
+
+    bulge_of = 0.0_wp
+    if (step%from%all_stick .and. step%to%all_stick) return
+    bulge_of = near*abs(step%to%omega - step%from%omega)
+    if (.not. step%length > 0.0_wp) return
+    associate (slopes => abs(step%start%omega)/step%start%share + abs(step%end%omega)/step%end%share)
+      bulge_of = most_of_slope*step%length*frequency_scale*slopes
+    end associate
+  end function bulge_of
 
   !> Without means, in which members of one family differ.
   pure function scaled(motion, scale) result(harmonics)

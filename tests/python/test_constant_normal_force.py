@@ -191,3 +191,31 @@ def test_a_derivative_by_a_gap_that_is_not_there_is_refused(tmp_path: Path) -> N
     job["sensitivity"] = {"to": ["contact[*].gap"]}
     done = run(tmp_path, job, code=2)
     assert "expected a contact with normal; contact[0] has a constant normal force" in done.stderr
+
+
+def test_a_branch_is_not_said_to_close_where_its_resonance_passes_near_the_small_motion_it_began_with(tmp_path: Path):
+    # Two masses of which the sweep begins far above the resonance: there is one motion at each frequency, and across
+    # the resonance its phase turns, so that a step passes as small a motion as the first one.
+    job: Job = {
+        "model": {
+            "mass": [[0.95, 0.0], [0.0, 0.947]],
+            "stiffness": [[208000.0, -48300.0], [-48300.0, 289000.0]],
+            "damping": [[5.47, -0.588], [-0.588, 6.44]],
+        },
+        "contact": [
+            {
+                "tangents": [[[0, -0.647], [1, 0.763]]],
+                "tangential_stiffness": 1.13e6,
+                "friction_coefficient": 0.5,
+                "preload": 18.8,
+            }
+        ],
+        "load": [{"kind": "harmonic", "cosine": [[0, -14.3], [1, 14.0]]}],
+        "balance": {"harmonics": 7},
+        "sweep": {"start_hz": 86.3, "stop_hz": 49.3},
+        "output": {"file": "result.h5", "monitors": [{"name": "q0", "dofs": [[0, 1.0]]}]},
+    }
+    run(tmp_path, job)
+    with h5py.File(tmp_path / "result.h5") as file:
+        assert file["points/branch"][-1] == 0
+        assert np.all(np.diff(file["points/frequency_hz"][:]) < 0.0)
