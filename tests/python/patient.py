@@ -25,9 +25,9 @@ class Patient:
     """What is called once a point, and once a batch."""
 
     def __init__(self):
-        self._asked, self._keep, self._calls = Stop.asked, studying._keep, 0
+        self._asked, self._keep, self._calls = Stop.asked, studying.keep_record, 0
         Stop.asked = lambda stop: self.asked(stop)
-        studying._keep = self.keep
+        studying.keep_record = self.keep
 
     def asked(self, stop: Stop) -> str:
         """Why to stop; all ranks ask equally often."""

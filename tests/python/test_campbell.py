@@ -19,6 +19,7 @@ from attrito.model.model_file import write_model
 from attrito.modes.crossings import crossings
 from attrito.plots.campbell import campbell_diagram
 from attrito.results.result import Result
+from attrito.support.own_folders import take_folder
 
 SPRING_HZ = 50.0
 SPEEDS = [0.0, 10.0, 25.0, 30.0]
@@ -71,7 +72,7 @@ def test_masses_on_springs_soften_across_the_axis_by_the_square_of_the_speed(tmp
     if reduced:
         job["reduction"] = {"modes": 21}
         # What a process that was killed has left is removed.
-        (tmp_path / "result.campbell.h5.reductions").mkdir()
+        take_folder(tmp_path / "result.campbell.h5.reductions", "")
         (tmp_path / "result.campbell.h5.reductions" / "speed_0.h5").write_text("half a reduction")
     rows, said = campbell(tmp_path, capfd, job)
     assert list(rows[0]) == ["speed_hz", "nodal_diameter", "mode", "frequency_hz"]
@@ -258,11 +259,20 @@ def test_stiffness_of_calculix_at_one_speed_and_at_rest_gives_that_at_another(tm
     assert found**2 - rest**2 == pytest.approx(expected**2 - rest**2, rel=strain)
 
 
-def test_a_file_where_reductions_are_kept_is_spared(tmp_path, capfd):
+@pytest.mark.parametrize("kind", ["file", "folder", "link"])
+def test_what_is_in_the_place_of_the_folder_of_reductions_is_spared(tmp_path, capfd, kind):
     job = spinning_masses(tmp_path) | {"reduction": {"modes": 21}}
-    (tmp_path / "result.campbell.h5.reductions").write_text("mine")
-    assert "expected a place for a folder of reductions (File exists)" in said_of(tmp_path, capfd, job)
-    assert (tmp_path / "result.campbell.h5.reductions").read_text() == "mine"
+    place, theirs = tmp_path / "result.campbell.h5.reductions", tmp_path / "theirs"
+    theirs.mkdir()
+    (theirs / "speed_0.h5").write_text("theirs")
+    if kind == "file":
+        place.write_text("theirs")
+    elif kind == "folder":
+        theirs.rename(place)
+    else:
+        place.symlink_to(theirs)
+    assert "result.campbell.h5.reductions: folder = 'in the way'" in said_of(tmp_path, capfd, job)
+    assert (place if kind == "file" else place / "speed_0.h5").read_text() == "theirs"
 
 
 def said_of(folder, capfd, job):

@@ -27,6 +27,7 @@ from attrito.scene.rom_claim import claim, steps_of
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import InputError
 from attrito.support.locks import Lock
+from attrito.support.own_folders import take_folder
 
 MINE, OTHERS = "a" * 64, "b" * 64
 
@@ -113,8 +114,7 @@ def test_another_reduction_beside_the_first_has_a_name_of_its_own(tmp_path):
 
 def test_an_interrupted_reduction_of_another_is_left_to_be_gone_on_with(tmp_path):
     first = str(tmp_path / "rom.h5")
-    steps_of(first).mkdir()
-    (steps_of(first) / "fingerprint").write_text(f"1 {OTHERS}")
+    take_folder(steps_of(first), f"1 {OTHERS}")
     mine = claim(first, MINE, False, made({}), print)
     theirs = claim(first, OTHERS, False, made({}), print)
     assert [Path(one.path).name for one in (mine, theirs)] == ["rom.aaaaaaaa.h5", "rom.h5"]

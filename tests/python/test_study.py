@@ -23,6 +23,7 @@ from attrito.job.varied import is_of_model, places, set_value
 from attrito.library.session import Solver
 from attrito.modes.mode_point import ModePoint
 from attrito.modes.tracker import ModeTracker
+from attrito.results.journal import kept_record
 from attrito.runs.stability import ENGINES, ORBITS, examine_point, fetch_multipliers
 from attrito.studies.design import batches, read_study
 from attrito_verification.paper.wedge import PARAMETER_SETS, Wedge
@@ -69,10 +70,14 @@ def test_a_study_that_was_killed_goes_on_and_ends_like_one_that_was_not(tmp_path
     assert done.returncode == 0, done.stderr
     command = [sys.executable, patient.PROGRAM, "study", "study.toml"]
     running = subprocess.Popen(command, cwd=broken, env=os.environ | jobs.ENVIRONMENT, stdout=subprocess.DEVNULL)
-    jobs.wait_for(lambda: len(list(broken.glob("study.h5.parts/*/*.json"))) >= 3, running)
+
+    def whole_batches() -> int:
+        return sum(kept_record(str(path)) is not None for path in broken.glob("study.h5.parts/*/batch_*"))
+
+    jobs.wait_for(lambda: whole_batches() >= 3, running)
     running.send_signal(signal.SIGKILL)
     running.wait()
-    kept = len(list(broken.glob("study.h5.parts/*/*.json")))
+    kept = whole_batches()
     assert 3 <= kept < 12 and not (broken / "study.h5").exists()
     done = jobs.attrito_here(broken, capfd, "study", "study.toml")
     assert done.returncode == 0 and f"{kept} of them there already" in done.stdout

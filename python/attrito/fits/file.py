@@ -12,6 +12,7 @@ from attrito.fits.design import Fit
 from attrito.fits.found import Found
 from attrito.fits.measured import COLUMNS
 from attrito.fits.picture import picture_of_fit
+from attrito.fits.table import FORMAT
 from attrito.job.job import Job
 from attrito.plots.style import save
 from attrito.support.atomic_files import whole_hdf5
@@ -25,7 +26,7 @@ def write_fit(fit: Fit, jobs: list[Job], found: Found) -> None:
     """Write the file and the picture beside it."""
     Path(fit.file).parent.mkdir(parents=True, exist_ok=True)
     with whole_hdf5(fit.file) as file:
-        file.attrs["format"], file.attrs["format_version"] = "attrito fit", 1
+        file.attrs["format"], file.attrs["format_version"] = FORMAT, 1
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = "Parameters of a job from measurements; see docs/fits.md of attrito"
         file.attrs.update(jobs[0].attributes)

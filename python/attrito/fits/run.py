@@ -6,9 +6,9 @@ solves only what is new.
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,8 +21,10 @@ from attrito.fits.found import Found
 from attrito.fits.measured import Measured
 from attrito.fits.solution import solutions_of, start_of
 from attrito.fits.source import Solved
+from attrito.fits.table import FORMAT
 from attrito.job.job import Job
 from attrito.job.reading import read_job
+from attrito.results.journal import Journal, Record, check_own, read_journal, remove_journals, set_aside
 from attrito.runs.progress import Progress
 from attrito.support.errors import NumericsError, UnsolvedError
 from attrito.support.locks import writing_alone
@@ -48,10 +50,10 @@ def run_fit(comm: Comm, path: str | Fit) -> str:
     fit = on_root(comm, lambda: read_fit(path))
     jobs = on_root(comm, lambda: [read_job(one.job, excited=one.is_excited) for one in fit.data])
     on_root(comm, lambda: fit.check(jobs))
-    with writing_alone(comm, fit.file):
-        found = _Search(comm, fit, jobs, progress).run()
+    with writing_alone(comm, fit.file, fit.picture), contextlib.closing(_Kept(comm, fit, jobs)) as kept:
+        found = _Search(comm, fit, jobs, progress, kept).run()
         on_root(comm, lambda: write_fit(fit, jobs, found))
-        on_root(comm, lambda: Path(fit.kept).unlink(missing_ok=True))
+        on_root(comm, lambda: remove_journals(fit.kept, FORMAT))
     for line in found.lines():
         progress.say(line)
     progress.warn(found.warnings())
@@ -64,11 +66,11 @@ def run_fit(comm: Comm, path: str | Fit) -> str:
 class _Search:
     """The search for the parameters. All ranks take it in step: what decides comes from the root."""
 
-    def __init__(self, comm: Comm, fit: Fit, jobs: list[Job], progress: Progress):
+    def __init__(self, comm: Comm, fit: Fit, jobs: list[Job], progress: Progress, kept: _Kept):
         self._comm, self._fit, self._progress = comm, fit, progress
         self._solutions = solutions_of(comm, fit, jobs, progress)
         self._bounds = np.array([[one.scaled(one.low), one.scaled(one.high)] for one in fit.parameters])
-        self._kept = _Kept(comm, fit, jobs)
+        self._kept = kept
         self._count, self._speaks = 0, True
 
     def run(self) -> Found:
@@ -144,10 +146,11 @@ class _Search:
 
 
 class _Kept:
-    """Evaluations on disk, a line each, by the values they belong to; of another fit they are dropped."""
+    """Evaluations in a journal, a record each, by the values they belong to; that of another fit is set aside."""
 
     def __init__(self, comm: Comm, fit: Fit, jobs: list[Job]):
-        self._comm, self._path = comm, Path(fit.kept)
+        self._comm, self._path = comm, fit.kept
+        self._journal: Journal | None = None
         asked = [fit.as_table(), [job.tables for job in jobs], [_plain_measured(one.measured) for one in fit.data]]
         text = json.dumps(asked, sort_keys=True, default=str)
         self._of = hashlib.sha256(text.encode()).hexdigest()
@@ -163,28 +166,28 @@ class _Kept:
         solved = self._comm.bcast(solved)
         self._known[_key(values)] = [_copied(one) for one in solved]
 
-        def write() -> None:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            with open(self._path, "a") as stream:
-                stream.write(json.dumps({"at": _key(values), "solved": [_plain(one) for one in solved]}) + "\n")
+        note = {"at": _key(values), "solved": [_plain(one) for one in solved]}
+        on_root(self._comm, lambda: self._journal.append(Record(note)))
 
-        on_root(self._comm, write)
+    def close(self) -> None:
+        """Closing twice does no harm."""
+        if self._journal is not None:
+            self._journal.close()
 
     def _read(self) -> dict[str, list[Solved]]:
         known: dict[str, list[Solved]] = {}
-        lines = self._path.read_text().splitlines() if self._path.exists() else []
-        if not lines or lines[0] != self._of:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            self._path.write_text(self._of + "\n")
+        first = {"attributes": {"format": FORMAT}, "fit": self._of}
+        whole = list(read_journal(self._path)) if check_own(self._path, FORMAT) else []
+        if not whole or whole[0][0].note != first:
+            if whole:
+                set_aside(self._path, FORMAT)
+            self._journal = Journal(self._path)
+            self._journal.append(Record(first))
             return known
-        for number, line in enumerate(lines[1:], 1):
-            try:
-                row = json.loads(line)
-            except ValueError:
-                # The last line of a process that was killed: others will follow it.
-                self._path.write_text("".join(f"{whole}\n" for whole in lines[:number]))
-                break
-            known[row["at"]] = [(_arrays(found), _arrays(rates)) for found, rates in row["solved"]]
+        self._journal = Journal(self._path, whole[-1][1])
+        for record, _ in whole[1:]:
+            solved = record.note["solved"]
+            known[record.note["at"]] = [(_arrays(found), _arrays(rates)) for found, rates in solved]
         return known
 
 

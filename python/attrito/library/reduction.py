@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -15,7 +14,7 @@ from attrito.library import loading
 from attrito.library.names import EIGENSOLVERS, ORDERINGS, REDUCTION_STEPS
 from attrito.library.signatures import LISTENER
 from attrito.library.structures import RawReduction, RawReductionReport, pointer
-from attrito.support.errors import Fault, InputError
+from attrito.support.own_folders import remove_folder, take_folder
 from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
@@ -164,7 +163,7 @@ def reduce_model(
     count = comm.bcast(len(block))
     raw = options.raw
     steps = Path(f"{rom_path}.steps")
-    on_root(comm, lambda: _prepare_steps(steps, fingerprint))
+    on_root(comm, lambda: take_folder(steps, fingerprint and f"{STEPS_VERSION} {fingerprint}"))
     listen = (
         LISTENER(lambda text, done, total: listener(text.decode(), done, total))
         if listener and not comm.rank
@@ -191,7 +190,7 @@ def reduce_model(
     )
     # What is at fault stays so; what ran out of memory, or of room on the disk, may go on another time.
     if status == 2 or not fingerprint or status == 0:
-        on_root(comm, lambda: shutil.rmtree(steps))
+        on_root(comm, lambda: remove_folder(steps))
     loading.check(status, message)
     return _report_of(report)
 
@@ -203,20 +202,3 @@ def _report_of(raw: RawReductionReport) -> Report:
     for name in ("seconds", "megabytes"):
         values[name] = dict(zip(REDUCTION_STEPS, values[name], strict=True))
     return Report(**values)
-
-
-def _prepare_steps(folder: Path, fingerprint: str) -> None:
-    """Keep what an interrupted reduction of the same fingerprint has left; else start with an empty folder."""
-    mark = folder / "fingerprint"
-    if folder.is_symlink() or (
-        folder.exists() and not mark.is_file() and (not folder.is_dir() or any(folder.iterdir()))
-    ):
-        expected = "a folder in which attrito has kept the steps of a reduction, or none of this name"
-        raise InputError(Fault(str(folder), "folder", "in the way", expected))
-    fingerprint = fingerprint and f"{STEPS_VERSION} {fingerprint}"
-    if fingerprint and mark.is_file() and mark.read_text() == fingerprint:
-        return
-    if folder.exists():
-        shutil.rmtree(folder)
-    folder.mkdir(parents=True)
-    mark.write_text(fingerprint)

@@ -6,7 +6,6 @@ in the modes, the others stick. Of a wheel these are the modes of each nodal dia
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
@@ -34,6 +33,7 @@ from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import InputError, NumericsError
 from attrito.support.hdf5_writing import described
 from attrito.support.locks import writing_alone
+from attrito.support.own_folders import remove_folder, take_folder
 from attrito.support.parallel import on_root, on_root_only
 from attrito.support.version import __version__
 
@@ -86,7 +86,8 @@ def campbell_job(comm: Comm, path: str | Job, picture: str | None = None) -> str
     scene = on_root_only(comm, lambda: rotating_scene(job, build_scene(job)))
     progress.warn(on_root(comm, lambda: scene.cautions))
     file = campbell_path(job)
-    with writing_alone(comm, file):
+    picture = picture or str(Path(file).with_suffix(".png"))
+    with writing_alone(comm, file, picture):
         found = []
         for speed, prepared in _prepared(comm, job, scene, progress):
             try:
@@ -103,13 +104,12 @@ def campbell_job(comm: Comm, path: str | Job, picture: str | None = None) -> str
         met = crossings_of(job, found)
         on_root(comm, lambda: _write(file, job, prepared, found, met, progress.warnings))
 
-    def draw() -> str:
-        place = picture or str(Path(file).with_suffix(".png"))
+    def draw() -> None:
         with Result(file) as result:
-            save(campbell_diagram(result), place)
-        return place
+            save(campbell_diagram(result), picture)
 
-    progress.say("\n".join([*in_words(met), f"{file}, {on_root(comm, draw)}"]))
+    on_root(comm, draw)
+    progress.say("\n".join([*in_words(met), f"{file}, {picture}"]))
     return file
 
 
@@ -152,23 +152,13 @@ def _without_recovery(job: Job, scene):
 def _folder(comm: Comm, job: Job) -> Iterator[str]:
     """A folder of the diagram's own, which has been locked; removed at the end, or what a killed process left of it."""
 
-    def make() -> str:
-        place = Path(f"{campbell_path(job)}.reductions")
-        if place.is_dir() and not place.is_symlink():
-            shutil.rmtree(place)
-        try:
-            place.mkdir(parents=True)
-        except OSError as error:
-            expected = f"a place for a folder of reductions ({error.strerror})"
-            raise InputError(job.fault("[campbell] file", str(place), expected)) from error
-        return str(place)
-
-    folder = on_root(comm, make)
+    folder = f"{campbell_path(job)}.reductions"
+    on_root(comm, lambda: take_folder(folder, ""))
     try:
         yield folder
     finally:
         if comm.rank == 0:
-            shutil.rmtree(folder, ignore_errors=True)
+            remove_folder(folder)
 
 
 def engine_orders(job: Job) -> list[int]:

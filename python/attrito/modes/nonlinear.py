@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -27,7 +26,7 @@ from attrito.modes.tracker import ModeTracker
 from attrito.peaks.fixed_series import fixed_series
 from attrito.plots.modes import mode_curve
 from attrito.plots.style import save
-from attrito.results.journal import Record, find_earlier, read_journal, remove_journal
+from attrito.results.journal import Record, find_earlier, read_journal, remove_journals
 from attrito.results.result import MODE, Result
 from attrito.results.result_file import fill_result
 from attrito.runs.followed import follow_job
@@ -88,14 +87,14 @@ def mode_job(comm: Comm, path: str | Job, picture: str | None = None, resume: bo
     resume : go on after the last point that an earlier run of the same job left; where there is none, begin
     """
 
-    def follow(job: Job, scene: Scene | None, file: str, progress: Progress) -> str:
+    def follow(job: Job, scene: Scene | None, file: str, picture: str, progress: Progress) -> str:
         return _follow_and_show(comm, job, scene, file, picture, resume, progress)
 
-    return follow_job(comm, path, check_mode, mode_path, follow, excited=False)
+    return follow_job(comm, path, check_mode, mode_path, picture, follow, excited=False)
 
 
 def _follow_and_show(
-    comm: Comm, job: Job, scene: Scene | None, file: str, picture: str | None, resume: bool, progress: Progress
+    comm: Comm, job: Job, scene: Scene | None, file: str, picture: str, resume: bool, progress: Progress
 ) -> str:
     """Follow the mode, write and show what was found; what is missing, in words."""
     prepared = prepare(comm, job, scene, progress)
@@ -125,13 +124,11 @@ def _follow_and_show(
             whole.attrs["mode"], whole.attrs["method"] = number, job["mode"]["method"]
             whole.attrs["tangent_hz"] = modes.natural_hz[number - 1]
             whole.attrs["tangent_damping_ratio"] = modes.damping_ratio[number - 1]
-        Path(journal).unlink()
-        remove_journal(f"{journal}.old")
+        remove_journals(journal, MODE)
         with Result(file) as result:
             print(table(result), end="")
-            place = picture or str(Path(file).with_suffix(".png"))
-            save(mode_curve(result), place)
-        return place
+            save(mode_curve(result), picture)
+        return picture
 
     progress.say(f"{file}, {on_root(comm, show)}")
     return missed
@@ -149,7 +146,7 @@ def _begin(
     progress: Progress,
 ) -> RunPosition:
     """Begin the journal, or go on after its last point. Collective."""
-    there = on_root(comm, lambda: find_earlier(journal, resume))
+    there = on_root(comm, lambda: find_earlier(journal, MODE, resume))
     if there and resume:
         # Of a journal without a point only the beginning is gone on from.
         if on_root(comm, lambda: sum(1 for _ in read_journal(journal)) > 1):

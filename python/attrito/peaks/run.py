@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,15 +44,13 @@ def peak_job(comm: Comm, path: str | Job, picture: str | None = None) -> str:
     What was found of a curve that is lost is written and shown before `UnsolvedError` is raised.
     """
 
-    def follow(job: Job, scene: Scene | None, file: str, progress: Progress) -> str:
+    def follow(job: Job, scene: Scene | None, file: str, picture: str, progress: Progress) -> str:
         return _follow_and_show(comm, job, scene, file, picture, progress)
 
-    return follow_job(comm, path, _check, peak_path, follow)
+    return follow_job(comm, path, _check, peak_path, picture, follow)
 
 
-def _follow_and_show(
-    comm: Comm, job: Job, scene: Scene | None, file: str, picture: str | None, progress: Progress
-) -> str:
+def _follow_and_show(comm: Comm, job: Job, scene: Scene | None, file: str, picture: str, progress: Progress) -> str:
     """Follow the peak, write and show what was found; what is missing, in words."""
     progress.warn(on_root(comm, lambda: cautions.of_scene(job, scene)))
     rom, report = make_rom(comm, job, scene, progress.say, progress.step)
@@ -102,9 +99,8 @@ def _follow_and_show(
 
         write(file, job, reduced, found, backbone, progress.warnings)
         print(table(file), end="")
-        place = picture or str(Path(file).with_suffix(".png"))
-        save(peak_curve(file), place)
-        return place
+        save(peak_curve(file), picture)
+        return picture
 
     if (ending := _ending(job, found)).is_physical:
         progress.say(ending.words)

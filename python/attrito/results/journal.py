@@ -11,6 +11,7 @@ it writes leaves a record that is cut short or whose sum is wrong: reading ends 
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import math
@@ -117,24 +118,48 @@ class Journal:
         self._file.close()
 
 
-def set_aside(path: str, name: str) -> None:
-    """Give a journal another name, unless another process writes it; what is none stays where it is."""
-    if not is_journal(path) or (os.path.lexists(name) and not _is_plain_journal(name)):
-        taken = name if is_journal(path) else path
-        raise InputError(Fault(taken, "file", "not a journal", "nothing that attrito has not written under this name"))
+def set_aside(path: str, owner: str) -> None:
+    """Keep a journal under another name, `<path>.old`, unless another process writes it."""
+    old = f"{path}.old"
+    for name in (path, old):
+        check_own(name, owner)
     with open(path, "r+b", opener=_open_or_make) as file:
         _lock(file, path)
-        os.replace(path, name)
+        os.replace(path, old)
 
 
-def find_earlier(path: str, resume: bool) -> bool:
+def find_earlier(path: str, owner: str, resume: bool) -> bool:
     """Whether an earlier run left a journal; one that is not gone on from is kept once, under another name."""
     Path(path).parent.mkdir(parents=True, exist_ok=True)
-    if not Path(path).is_file():
+    if not check_own(path, owner):
         return False
     if not resume:
-        set_aside(path, f"{path}.old")
+        set_aside(path, owner)
     return True
+
+
+def check_own(path: str, owner: str) -> bool:
+    """Whether a journal of an owner, the format of what it is to become, is there.
+
+    Raises
+    ------
+    InputError : something else is there, or a link: it stays as it is
+    """
+    if not os.path.lexists(path):
+        return False
+    if not _is_plain_journal(path):
+        raise InputError(Fault(path, "file", "not a journal", "nothing that attrito has not written under this name"))
+    there = owner_of(path)
+    if there not in ("", owner):
+        expected = f"what an unfinished {owner} has left: end or delete that {there}, or give one another name"
+        raise InputError(Fault(path, "format", there, expected))
+    return True
+
+
+def owner_of(path: str) -> str:
+    """Format of what a journal is to become; empty where it ends before it says so."""
+    first = kept_record(path)
+    return "" if first is None else str(first.note.get("attributes", {}).get("format", ""))
 
 
 def _open_or_make(path: str, flags: int) -> int:
@@ -158,10 +183,11 @@ def is_journal(path: str | os.PathLike[str]) -> bool:
         return MAGIC.startswith(file.read(len(MAGIC)))
 
 
-def remove_journal(path: str) -> None:
-    """Remove a journal that was set aside, if it is one."""
-    if _is_plain_journal(path):
-        os.unlink(path)
+def remove_journals(path: str, owner: str) -> None:
+    """Remove a journal and what was set aside for it; what is somebody else's stays."""
+    for name in (path, f"{path}.old"):
+        if _is_plain_journal(name) and owner_of(name) in ("", owner):
+            os.unlink(name)
 
 
 def _is_plain_journal(path: str) -> bool:
@@ -179,6 +205,18 @@ def read_journal(path: str) -> Iterator[tuple[Record, int]]:
         while (record := _read_record(file, size - end)) is not None:
             end = file.tell()
             yield record, end
+
+
+def keep_record(path: str, record: Record) -> None:
+    """Make a journal of one record, on disk when this returns."""
+    with contextlib.closing(Journal(path)) as journal:
+        journal.append(record)
+
+
+def kept_record(path: str) -> Record | None:
+    """The first record of a journal; None where there is none, or none that is as it was written."""
+    first = next(read_journal(path), None) if os.path.lexists(path) else None
+    return None if first is None else first[0]
 
 
 def read_record(path: str, start: int) -> Record:

@@ -21,7 +21,8 @@ from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets, sp
 from attrito.support.units import axis_unit
 
 # Formats of the files of `attrito linear-modes`, `attrito mode` and `attrito campbell`, which are read as results are
-LINEAR_MODES, MODE, CAMPBELL = "attrito linear modes", "attrito mode", "attrito campbell diagram"
+RESULT, LINEAR_MODES = "attrito result", "attrito linear modes"
+MODE, CAMPBELL = "attrito mode", "attrito campbell diagram"
 # Shapes of what is known of each contact, where it is more than a number.
 OF_A_CONTACT = {"position": (3,), "frame": (3, 3)}
 

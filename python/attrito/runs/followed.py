@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from attrito.job.job import Job
@@ -17,8 +18,8 @@ from attrito.support.parallel import on_root, on_root_only
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-# Job, scene at the root, file to write, progress; returns what is missing, in words
-Follow = Callable[[Job, Scene | None, str, Progress], str]
+# Job, scene at the root, file and picture to write, progress; returns what is missing, in words
+Follow = Callable[[Job, Scene | None, str, str, Progress], str]
 
 
 def follow_job(
@@ -26,6 +27,7 @@ def follow_job(
     path: str | Job,
     check: Callable[[Job], None],
     file_of: Callable[[Job], str],
+    picture: str | None,
     follow: Follow,
     excited: bool = True,
 ) -> str:
@@ -36,6 +38,7 @@ def follow_job(
     path : the job file, or the job
     check : raises `InputError` for faults of the job, at the root
     file_of : the file to write, which nobody else writes meanwhile
+    picture : the file to draw it in; None: that of the file, ending .png
     follow : writes and shows what is found
     excited : whether the job needs a sweep and a harmonic load
 
@@ -48,8 +51,9 @@ def follow_job(
     on_root(comm, lambda: check(job))
     scene = on_root_only(comm, lambda: build_scene(job))
     file = file_of(job)
-    with writing_alone(comm, file):
-        missed = follow(job, scene, file, progress)
+    picture = picture or str(Path(file).with_suffix(".png"))
+    with writing_alone(comm, file, picture):
+        missed = follow(job, scene, file, picture, progress)
     if missed:
         raise UnsolvedError(file, missed)
     return file

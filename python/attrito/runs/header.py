@@ -10,6 +10,7 @@ from attrito.job.job import Job, model_path
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.series import Series
 from attrito.results.journal import Record
+from attrito.results.result import RESULT
 from attrito.runs.linear_references import MEANINGS, LinearReference
 from attrito.runs.recorder import digest
 from attrito.scene.friction_margin import Margin, described_margin
@@ -54,7 +55,7 @@ def first_record(
     """
     rom_file = None if rom is None else rom.path
     attributes = {
-        "format": "attrito result",
+        "format": RESULT,
         "format_version": 1,
         "attrito_version": __version__,
         "description": "Steady response of a structure with friction contacts; see docs/files.md of attrito",

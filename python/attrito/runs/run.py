@@ -13,7 +13,8 @@ from attrito.job.reading import read_job
 from attrito.library.points import Point, StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
-from attrito.results.journal import Record, find_earlier, remove_journal
+from attrito.results.journal import Record, find_earlier, remove_journals
+from attrito.results.result import RESULT
 from attrito.results.result_file import fill_result
 from attrito.results.stored_point import read_point
 from attrito.runs.bifurcations import Finder
@@ -233,7 +234,7 @@ class _Run:
         progress.point(point, self._reduced.monitor_names[0], self.place.points)
 
     def _begin(self, first: Record | None, resume: bool, search: Search) -> None:
-        there = on_root(self._comm, lambda: find_earlier(self.journal, resume))
+        there = on_root(self._comm, lambda: find_earlier(self.journal, RESULT, resume))
         if there and resume:
             self.place = self.recorder.resume(self._job.path, first, search)
             self._progress.say(f"going on after {self.place.points} points of {self.journal}")
@@ -262,8 +263,7 @@ class _Run:
             if self.place.incomplete:
                 file["points"].attrs["incomplete"] = "; ".join(self.place.incomplete)
             write_bounds(file, self._reduced, self._sampler)
-        Path(self.journal).unlink()
-        remove_journal(f"{self.journal}.old")
+        remove_journals(self.journal, RESULT)
 
     def words_on_bounds(self) -> str:
         """What bounds were found for, at the root."""

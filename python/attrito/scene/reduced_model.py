@@ -22,12 +22,14 @@ from attrito.library.reduction import Listener, Options, Report, reduce_model
 from attrito.model.model_file import write_model
 from attrito.scene.interface_modes import Boundary, interface_modes
 from attrito.scene.reduced_sector import on_coordinates, sector_of, solved_axes, turned_axes
-from attrito.scene.rom_claim import Claim, claim
+from attrito.scene.rom_claim import Claim, claim, steps_of
 from attrito.scene.rom_file import Rom, read_rom, rom_fingerprint
 from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import Fault, InputError
+from attrito.support.hdf5_reading import is_of_format
 from attrito.support.hdf5_writing import described
+from attrito.support.own_folders import owner_of
 from attrito.support.parallel import everywhere, on_root, on_root_in_its_time
 from attrito.support.version import __version__
 
@@ -172,11 +174,14 @@ def _prepare(job: Job, scene: Scene, path: str, work: str, say: Any) -> tuple[st
     """
     source = model_path(job, path)
     if job["model"]["file"] is None:
+        _check_spared(source, "attrito model")
         write_model(source, dataclasses.replace(scene.model, gyroscopic=None), [])
     if _is_altered(scene):
         source = f"{work}.altered"
+        _check_spared(source, "attrito model")
         write_model(source, scene.model, [])
-    _check_unfinished(f"{work}.partial")
+    if owner_of(steps_of(work)) is None:
+        _check_spared(f"{work}.partial", "attrito rom")
     say(f"reducing {scene.model.size} dofs onto {len(scene.boundary)} boundary dofs and {_modes_in_words(job)}")
     scene.model.stiffness = scene.model.mass = scene.model.damping = scene.model.gyroscopic = None
     return source, f"{work}.partial", scene.boundary, scene.recovered
@@ -194,10 +199,10 @@ def _finish(job: Job, scene: Scene, path: str, partial: str, fingerprint: str, s
             _write_interface(file, job, scene, say)
 
 
-def _check_unfinished(path: str) -> None:
-    """Raise where the name of an unfinished reduced model leads elsewhere, or is no file: it would be written over."""
-    if os.path.islink(path) or (os.path.lexists(path) and not os.path.isfile(path)):
-        expected = "no link, folder or device: attrito writes an unfinished reduced model there"
+def _check_spared(path: str, form: str) -> None:
+    """Raise where something that attrito has not made would be written over, or what a link leads to."""
+    if os.path.lexists(path) and (os.path.islink(path) or not is_of_format(path, form)):
+        expected = f"an {form} that is made for the reduction, or no file of this name: rename it"
         raise InputError(Fault(path, "file", "in the way", expected))
 
 

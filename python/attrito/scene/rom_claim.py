@@ -17,6 +17,7 @@ from pathlib import Path
 
 from attrito.support.errors import Fault, InputError
 from attrito.support.locks import Lock
+from attrito.support.own_folders import owner_of
 
 # Seconds between looks at a lock that another process holds.
 LOOK = 0.2
@@ -139,7 +140,4 @@ def _under(
 
 def _interrupted(path: str) -> str:
     """Fingerprint of an interrupted reduction that left its steps; empty where there is none."""
-    try:
-        return (steps_of(path) / "fingerprint").read_text().rpartition(" ")[2]
-    except (OSError, ValueError):
-        return ""
+    return (owner_of(steps_of(path)) or "").rpartition(" ")[2]

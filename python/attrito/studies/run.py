@@ -10,9 +10,6 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
-import os
-import re
-import shutil
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,6 +18,7 @@ import numpy as np
 
 from attrito.job.job import Job
 from attrito.job.reading import read_job
+from attrito.results.journal import Record, keep_record, kept_record
 from attrito.runs.progress import Progress
 from attrito.scene import cautions
 from attrito.scene.rom_file import Rom
@@ -31,8 +29,10 @@ from attrito.studies.modelled import Nodes
 from attrito.studies.sample_peaks import SamplePeaks
 from attrito.studies.samples import shared_scene
 from attrito.studies.sloped_peaks import SlopedPeaks
+from attrito.studies.table import FORMAT
 from attrito.support.errors import Fault, InputError, UnsolvedError
 from attrito.support.locks import writing_alone
+from attrito.support.own_folders import remove_folder, take_folder
 from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def run_study(comm: Comm, path: str | Study) -> str:
     study = on_root(comm, lambda: read_study(path))
     job = on_root(comm, lambda: read_job(study.job, excited=study.is_excited))
     on_root(comm, lambda: study.check(job))
-    with writing_alone(comm, study.file):
+    with writing_alone(comm, study.file, *[study.picture] * study.draws):
         failed = _solve_samples(comm, job, study, progress)
     progress.say(study.file)
     complaints = []
@@ -73,7 +73,8 @@ def run_study(comm: Comm, path: str | Study) -> str:
 def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> dict[str, int]:
     """Solve the batches that are missing and write the study; how many samples ended how, of those to be reported."""
     values = study.sample()
-    folder = Path(f"{study.file}.parts") / _fingerprint(study, job)
+    parts = f"{study.file}.parts"
+    folder = Path(parts) / _fingerprint(study, job)
     groups = max(1, comm.size // study.ranks_per_group)
     color = min(comm.rank // study.ranks_per_group, groups - 1)
     reads = comm.rank == color * study.ranks_per_group
@@ -84,8 +85,10 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
     located = partial(_located, job=job, base=base, rom=rom, study=study, sloped=sloped > 0)
     solved = values if nodes is None else nodes.solved(values)
     order = batches(study, solved)
-    on_root(comm, lambda: folder.mkdir(parents=True, exist_ok=True))
-    missing = on_root(comm, lambda: [i for i in range(len(order)) if not _part(folder, i).exists()])
+    # Batches of a study of other values stay until this one has ended: it may be the one that is asked for by mistake.
+    on_root(comm, lambda: take_folder(parts, FORMAT))
+    on_root(comm, lambda: folder.mkdir(exist_ok=True))
+    missing = on_root(comm, lambda: [i for i in range(len(order)) if kept_record(_part(folder, i)) is None])
     what = f"{study.samples} samples" if len(solved) == len(values) else f"{len(solved)} of {study.samples} samples"
     progress.say(f"{what} in {len(order)} batches, {len(order) - len(missing)} of them there already")
     group = comm.Split(color, comm.rank)
@@ -100,14 +103,15 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
         for i in missing[color::groups]:
             with contextlib.closing(located(group, reference)) as one:
                 rows = [one.at(solved[sample], sample < sloped) for sample in order[i]]
-            on_root(group, lambda i=i, rows=rows: _keep(_part(folder, i), order[i], rows))
+            batch = Record({"samples": order[i].tolist(), "rows": rows})
+            on_root(group, lambda i=i, batch=batch: keep_record(_part(folder, i), batch))
             progress.say(f"batch {i}: {len(rows)} samples")
     finally:
         group.Free()
     comm.Barrier()
 
     def finish() -> dict[str, int]:
-        found = [json.loads(_part(folder, i).read_text()) for i in range(len(order))]
+        found = [_note_of(_part(folder, i)) for i in range(len(order))]
         rows = [row for batch in found for row in batch["rows"]]
         # Batches that an earlier version left do not say.
         untouched = sum(not all(one.get("touches", True) for one in row) for row in rows)
@@ -117,13 +121,13 @@ def _solve_samples(comm: Comm, job: Job, study: Study, progress: Progress) -> di
 
             responses = gather(study, nodes, reference, values, found, progress)
             failed = write_responses(study, job, values, reference, responses, progress, len(solved))
-            _remove_parts(folder.parent)
+            remove_folder(parts)
             return failed
         errors: dict[str, np.ndarray] = {}
         if nodes is not None:
             found, errors = nodes.rows(values, found, progress)
         failed = write_study(study, job, values, found, progress.warnings, len(solved), errors)
-        _remove_parts(folder.parent)
+        remove_folder(parts)
         return failed
 
     return on_root(comm, finish)
@@ -149,15 +153,6 @@ def _nodes_of(
     if study.hessian is None:
         progress.say(f"no exact derivatives by {', '.join(unknown)}: the model is made of values alone")
     return Nodes(study, False, tuple(study.stops(job)))
-
-
-def _remove_parts(folder: Path) -> None:
-    """Remove the batches of this study and of older ones of its name, and nothing else."""
-    for path in folder.iterdir():
-        if re.fullmatch("[0-9a-f]{16}", path.name) and path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-    with contextlib.suppress(OSError):
-        folder.rmdir()
 
 
 class _AtValues:
@@ -234,18 +229,16 @@ def _located(
     return SlopedPeaks(comm, base, rom, study, job) if sloped else _AtValues(SamplePeaks(comm, base, rom), study, job)
 
 
-def _part(folder: Path, batch: int) -> Path:
-    return folder / f"batch_{batch:06d}.json"
+def _part(folder: Path, batch: int) -> str:
+    return str(folder / f"batch_{batch:06d}")
 
 
-def _keep(path: Path, samples: np.ndarray, rows: list) -> None:
-    """Write a batch; the file appears when it is complete, whatever ends the program."""
-    partial = path.with_suffix(".partial")
-    with open(partial, "w") as stream:
-        json.dump({"samples": samples.tolist(), "rows": rows}, stream)
-        stream.flush()
-        os.fsync(stream.fileno())
-    os.replace(partial, path)
+def _note_of(path: str) -> dict[str, Any]:
+    """What was kept of a batch, which this study has seen whole."""
+    record = kept_record(path)
+    if record is None:
+        raise InputError(Fault(path, "file", "changed", "what this study has written: start it again"))
+    return record.note
 
 
 def _fingerprint(study: Study, job: Job) -> str:

@@ -43,15 +43,22 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
         yield str(path)
         return
     goal = target(path)
-    new = f"{goal}.{secrets.token_hex(4)}{ENDING}"
+    with _new_file(path) as new:
+        yield new
+        if os.path.exists(goal):
+            shutil.copymode(goal, new)
+        os.replace(new, goal)
+
+
+@contextlib.contextmanager
+def _new_file(path: str | os.PathLike[str]) -> Iterator[str]:
+    """An empty file beside one, gone at the end if it is still there; what the system says of it names `path`."""
+    new = f"{target(path)}.{secrets.token_hex(4)}{ENDING}"
     made = False
     try:
         os.close(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o666))
         made = True
         yield new
-        if os.path.exists(goal):
-            shutil.copymode(goal, new)
-        os.replace(new, goal)
     except OSError as error:
         if error.filename in (None, new):
             error.filename, error.filename2 = str(path), None
@@ -59,6 +66,13 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
     finally:
         if made:
             Path(new).unlink(missing_ok=True)
+
+
+def check_writable(path: str | os.PathLike[str]) -> None:
+    """Raise `OSError` where `whole_file` could not make its file, as by a name too long for it; it names `path`."""
+    if not Path(path).exists() or Path(path).is_file():
+        with _new_file(path):
+            pass
 
 
 def remove_left_overs(path: str | os.PathLike[str]) -> None:

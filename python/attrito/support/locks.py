@@ -11,17 +11,20 @@ import contextlib
 import errno
 import fcntl
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
-from attrito.support.atomic_files import remove_left_overs, target
+from attrito.support.atomic_files import check_writable, remove_left_overs, target
 from attrito.support.errors import NO_ROOM, Fault, InputError
 from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
+Value = TypeVar("Value")
+# How the file of a lock begins
+_MAGIC = b"attrito lock\n"
 # What the system says where locks are not to be had.
 WITHOUT_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 NO_LOCKS = (
@@ -53,9 +56,10 @@ class Lock:
         Raises
         ------
         OSError : the lock's file cannot be made, or is a symbolic link
+        InputError : a file of its name is none of attrito
         """
         while True:
-            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o666)
+            descriptor = self._open()
             try:
                 fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError:
@@ -66,18 +70,40 @@ class Lock:
                     os.close(descriptor)
                     raise OSError(error.errno, f"{error.strerror} (lock)", self.path) from error
                 self.shared = False
-            if not self.shared or _is_at(descriptor, self.path):
-                self._descriptor = descriptor
+            if self.shared and not _is_at(descriptor, self.path):
+                # Its holder had removed it in the meantime.
+                os.close(descriptor)
+                continue
+            if not _MAGIC.startswith(os.pread(descriptor, len(_MAGIC), 0)):
+                os.close(descriptor)
+                expected = "a lock of attrito, or no file of this name: rename it"
+                raise InputError(Fault(self.path, "file", "in the way", expected))
+            self._descriptor = descriptor
+            with contextlib.suppress(OSError):
+                # Nothing can be written to one of another user, whose process is dead.
                 os.ftruncate(descriptor, 0)
-                os.pwrite(descriptor, note.encode(), 0)
-                return True
-            # Its holder had removed it in the meantime.
-            os.close(descriptor)
+                os.pwrite(descriptor, _MAGIC + note.encode(), 0)
+            return True
+
+    def _open(self) -> int:
+        """The file; of another user, who may be gone, it is opened for reading, which is enough to lock it."""
+        flags = os.O_NOFOLLOW | os.O_CLOEXEC
+        try:
+            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | flags, 0o666)
+        except PermissionError as error:
+            try:
+                return os.open(self.path, os.O_RDONLY | flags)
+            except FileNotFoundError:
+                raise error from None
+        with contextlib.suppress(PermissionError):
+            # Whatever the umask: others must see whether it is held.
+            os.fchmod(descriptor, 0o666)
+        return descriptor
 
     def note(self) -> str:
         """What the holder wrote; empty where there is none, or it has not written yet."""
         try:
-            return Path(self.path).read_text()
+            return Path(self.path).read_text().removeprefix(_MAGIC.decode())
         except (OSError, ValueError):
             return ""
 
@@ -103,31 +129,29 @@ class Lock:
 
 
 @contextlib.contextmanager
-def writing_alone(comm: Comm, path: str | os.PathLike[str], makes_folder: bool = True) -> Iterator[None]:
-    """Keep an output from other processes in the block; collective.
+def writing_alone(
+    comm: Comm, path: str | os.PathLike[str], *beside: str | os.PathLike[str], makes_folder: bool = True
+) -> Iterator[None]:
+    """Keep an output from other processes in the block; collective. Nothing is solved for what cannot be written.
 
     Parameters
     ----------
     comm : the ranks
-    path : the file that is written in the end
+    path, beside : the file that is written in the end, and others, as its picture
     makes_folder : make its folder if there is none
 
     Raises
     ------
-    InputError : another process writes it, or it cannot be written there
+    InputError : another process writes it, or one of the files cannot be written
     """
     lock = Lock(path)
 
     def begin() -> None:
-        if makes_folder:
-            Path(path).parent.mkdir(parents=True, exist_ok=True)
-        try:
-            free = lock.take()
-        except OSError as error:
-            if error.errno in NO_ROOM:
-                raise
-            expected = "a place where a file can be written and locked"
-            raise InputError(Fault(str(path), "file", error.strerror, expected)) from error
+        for output in (path, *beside) if makes_folder else ():
+            if os.path.isdir(output):
+                raise InputError(Fault(str(output), "file", "a folder", "the name of a file to write"))
+            _try_to_write(output, lambda output=output: _make_place(output))
+        free = _try_to_write(path, lock.take)
         if not free:
             expected = "that no other process writes it: wait for that one, or give this output another name"
             raise InputError(Fault(str(path), "file", "in use", expected))
@@ -140,6 +164,22 @@ def writing_alone(comm: Comm, path: str | os.PathLike[str], makes_folder: bool =
         yield
     finally:
         lock.release()
+
+
+def _make_place(output: str | os.PathLike[str]) -> None:
+    Path(output).parent.mkdir(parents=True, exist_ok=True)
+    check_writable(output)
+
+
+def _try_to_write(path: str | os.PathLike[str], work: Callable[[], Value]) -> Value:
+    """What some work returns; what the system says against it is a fault of the output."""
+    try:
+        return work()
+    except OSError as error:
+        if error.errno in NO_ROOM:
+            raise
+        expected = "a place where a file can be written and locked"
+        raise InputError(Fault(str(path), "file", error.strerror, expected)) from error
 
 
 def _is_at(descriptor: int, path: str) -> bool:
