@@ -66,6 +66,8 @@ function(attrito_shared_library name)
   endforeach()
   add_library(${name} SHARED ${objects})
   set_target_properties(${name} PROPERTIES LINKER_LANGUAGE Fortran VERSION ${PROJECT_VERSION})
+  # What allocates in vain says so (src/core/exhausted.f90).
+  target_link_options(${name} PRIVATE LINKER:--wrap=malloc,--wrap=calloc,--wrap=realloc)
   if(MUMPS_SCOTCH AND MUMPS_SCOTCH_COMMON)
     target_link_libraries(${name} PUBLIC -Wl,--no-as-needed ${MUMPS_SCOTCH} ${MUMPS_SCOTCH_COMMON} -Wl,--as-needed)
   endif()

@@ -20,6 +20,9 @@ typedef void (*attrito_series_callback)(const char *path, const char *kind, int 
 /* A sentence where `total` is 0; else `done` of `total` parts of the step of this name. */
 typedef void (*attrito_listener)(const char *text, int done, int total);
 
+/* So many bytes were asked for in vain; what is called may end the process. */
+typedef void (*attrito_exhausted_callback)(long bytes);
+
 typedef struct {
     int tangents;
     int law;
@@ -367,6 +370,9 @@ int attrito_describe_member(void *handle, double *force, double *monitors, doubl
 
 /* Change of the member described last with component `tangent` (from 0) of -k_t w of a contact (from 0); 0, or not: singular. */
 int attrito_differentiate_member(void *handle, int contact, int tangent, double *force, double *monitors);
+
+/* Have a procedure called where an allocation of the library fails, before the process ends with code 2. */
+void attrito_when_exhausted(attrito_exhausted_callback procedure);
 
 typedef struct {
     attrito_point point;

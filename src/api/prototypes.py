@@ -20,9 +20,14 @@ PLAIN = ("options", "report", "scene")
 LISTENERS = {
     "output/listener.f90": ("series_callback", "attrito_series_callback"),
     "reduce/progress.f90": ("listener", "attrito_listener"),
+    "core/exhausted.f90": ("exhausted_callback", "attrito_exhausted_callback"),
 }
 # Arguments that are such procedures.
-HANDED_OVER = {"attrito_report_point": "attrito_series_callback", "attrito_reduce": "attrito_listener"}
+HANDED_OVER = {
+    "attrito_report_point": "attrito_series_callback",
+    "attrito_reduce": "attrito_listener",
+    "attrito_when_exhausted": "attrito_exhausted_callback",
+}
 INTRODUCTION = """\
 /* The C interface of attrito. Made by script/header from the Fortran sources; a test compares both.
  *

@@ -14,7 +14,7 @@ import pytest
 from attrito.library import loading
 from attrito.library.description import describe
 from attrito.library.names import ENUMERATIONS
-from attrito.library.signatures import LISTENER, SERIES_CALLBACK, SIGNATURES
+from attrito.library.signatures import EXHAUSTED, LISTENER, SERIES_CALLBACK, SIGNATURES
 from attrito.library.structures import STRUCTURES, Doubles, Integers, Longs
 from attrito.support.errors import InputError
 
@@ -31,6 +31,7 @@ POINTERS = {
     "long *": Longs,
     "attrito_series_callback": SERIES_CALLBACK,
     "attrito_listener": LISTENER,
+    "attrito_exhausted_callback": EXHAUSTED,
 }
 POINTERS |= {f"attrito_{name} *": ctypes.POINTER(kind) for name, kind in STRUCTURES.items()}
 

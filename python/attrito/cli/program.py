@@ -12,24 +12,28 @@ import os
 import sys
 import traceback
 from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 from attrito.cli.arguments import parse
 from attrito.cli.signal_watch import SignalWatch
 from attrito.cli.standard_output import (
+    escape_controls,
     forget_output,
     open_closed_descriptors,
     print_names_in_any_encoding,
     unbreakable_output,
 )
 from attrito.support.errors import Fault, InputError, NumericsError, unforeseen, unusable_file
+from attrito.support.memory_limit import ROWS, take_buffers
 from attrito.support.overwrite_check import check_files, is_nameless
 from attrito.support.verbosity import VERBOSE
+
+if TYPE_CHECKING:
+    from mpi4py.MPI import Comm
 
 # Ranks share the work; threads of BLAS would fight them. To be said before numpy and the library load BLAS.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-SOLVING = ("run", "peak", "linear-modes", "mode", "study", "fit", "optimise", "integrate")
-PARALLEL = (*SOLVING, "reduce", "export", "verify")
 # Commands whose result is what they print.
 PRINTED = ("table", "info", "keys")
 INTERRUPTED = 130
@@ -56,10 +60,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
     closed = open_closed_descriptors()
     print_names_in_any_encoding()
+    escape_controls()
     options = parse(arguments)
-    parallel = options.command in PARALLEL
-    with SignalWatch() if parallel else contextlib.nullcontext():
+    with SignalWatch():
         try:
+            take_buffers(_multiply)
             output = getattr(options, "output", None)
             if output is not None and options.command != "verify" and is_nameless(output):
                 raise InputError(Fault(options.command, "output", output, "the name of a file"))
@@ -73,19 +78,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.work(options)
             sys.stdout.flush()
         except (InputError, NumericsError) as error:
-            _tell(f"{_place(options, error)}{error}", parallel)
+            _tell(f"{_place(options, error)}{error}")
             return 1 if isinstance(error, NumericsError) else 2
         except BrokenPipeError:
             # Whoever reads what is printed has seen enough.
             forget_output()
         except KeyboardInterrupt:
-            return _end_alone("interrupted", INTERRUPTED, parallel)
+            return _end_alone("interrupted", INTERRUPTED)
         except OSError as error:
             # Of this rank alone, as where its output goes to a disk that is full.
-            return _end_alone(str(unusable_file(error)), 2, parallel)
+            return _end_alone(str(unusable_file(error)), 2)
         except Exception as error:
             fault = unforeseen(error)
-            return _end_alone(f"{_place(options, fault)}{fault}", 2, parallel)
+            return _end_alone(f"{_place(options, fault)}{fault}", 2)
     return 0
 
 
@@ -120,27 +125,33 @@ def _place(options: argparse.Namespace, error: Exception) -> str:
     return "" if given is None or (isinstance(error, NumericsError) and given != "job") else f"{vars(options)[given]}: "
 
 
-def _tell(message: str, parallel: bool) -> None:
-    """Print a message once; every rank has raised the same one."""
-    rank = 0
-    if parallel:
-        from mpi4py import MPI
+def _multiply() -> None:
+    """Two matrices, by the BLAS of numpy."""
+    import numpy as np
 
-        rank = MPI.COMM_WORLD.rank
+    np.ones((ROWS, ROWS)) @ np.ones((ROWS, ROWS))
+
+
+def _ranks() -> Comm | None:
+    """All ranks, if there are several and the command has begun to use them; whichever command it is."""
+    mpi = sys.modules.get("mpi4py.MPI")
+    return None if mpi is None or not mpi.Is_initialized() or mpi.COMM_WORLD.size == 1 else mpi.COMM_WORLD
+
+
+def _tell(message: str) -> None:
+    """Print a message once; every rank has raised the same one."""
+    ranks = _ranks()
     forget_output()
-    if rank == 0:
+    if ranks is None or ranks.rank == 0:
         _print_error(message)
 
 
-def _end_alone(message: str, code: int, parallel: bool) -> int:
+def _end_alone(message: str, code: int) -> int:
     """End with what this rank alone has met: the others are ended with it."""
     forget_output()
     _print_error(message)
-    if parallel:
-        from mpi4py import MPI
-
-        if MPI.COMM_WORLD.size > 1:
-            MPI.COMM_WORLD.Abort(code)
+    if (ranks := _ranks()) is not None:
+        ranks.Abort(code)
     return code
 
 

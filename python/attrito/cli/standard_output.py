@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import io
 import os
+import re
 import sys
 from collections.abc import Iterator
 from typing import TextIO
@@ -53,6 +54,11 @@ def print_names_in_any_encoding() -> None:
             stream.reconfigure(errors="backslashreplace")
 
 
+def escape_controls() -> None:
+    """On a terminal, control characters of names are written as escapes: there they could do anything."""
+    sys.stdout, sys.stderr = (_Escaping(one) if one.isatty() else one for one in (sys.stdout, sys.stderr))
+
+
 def forget_output() -> None:
     """What standard output does not take is not tried again when Python ends."""
     try:
@@ -60,6 +66,23 @@ def forget_output() -> None:
     except (OSError, ValueError):
         with contextlib.suppress(OSError, ValueError):
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+class _Escaping:
+    """A stream to a terminal that shows control characters but those that attrito itself writes."""
+
+    # New lines and tabs; a line written over, a word in colour (`Progress`, `_print_error`)
+    _FOREIGN = re.compile(r"(?!\r?\x1b\[(?:K|1;31m|0m))[\0-\x08\x0b-\x1f\x7f-\x9f]")
+
+    def __init__(self, stream: TextIO):
+        self._stream = stream
+
+    def write(self, text: str) -> int:
+        self._stream.write(self._FOREIGN.sub(lambda found: f"\\x{ord(found[0]):02x}", text))
+        return len(text)
+
+    def __getattr__(self, name: str) -> object:
+        return getattr(self._stream, name)
 
 
 class _Unbreakable:

@@ -128,12 +128,19 @@ def export_point(
     read = [result.path, result.attribute("model_file"), *([] if rom_file is None else [rom_file])]
     written = [f"{base}.{ending}" for ending in ENDINGS]
     everywhere(comm, lambda: check_spared("export", "-o", written, filter(None, read)))
+    everywhere(comm, lambda: _check_name(path))
     with writing_alone(comm, base, makes_folder=False):
         written = everywhere(
             comm,
             lambda: _write(comm, base, cells, _snapshots(result, point, points, harmonics, options), contact, options),
         )
     return written, notes
+
+
+def _check_name(path: str) -> None:
+    """Raise where files that name each other could not name this one."""
+    if not Path(path).name.isprintable():
+        raise InputError(Fault("export", "-o", path, "a name of printable characters: XML can hold no others"))
 
 
 def _gathered_field(result: Result, point: int, model: Model, rom_file: str | None, comm: Comm) -> np.ndarray:

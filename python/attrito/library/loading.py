@@ -14,8 +14,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from attrito.library.description import differing_sizes
-from attrito.library.signatures import declare
-from attrito.support.errors import Fault, InputError, NumericsError
+from attrito.library.signatures import EXHAUSTED, declare
+from attrito.support.errors import Fault, InputError, NumericsError, unforeseen
+from attrito.support.locks import release_all
+from attrito.support.memory_limit import ROWS, take_buffers
 from attrito.support.version import __version__
 
 if TYPE_CHECKING:
@@ -46,12 +48,44 @@ def load() -> ctypes.CDLL:
     looked = places()
     for place in looked:
         if place.is_file():
-            loaded = ctypes.CDLL(str(place), mode=ctypes.RTLD_GLOBAL)
+            loaded = _loaded(place)
             _check_interface(loaded, place)
+            take_buffers(functools.partial(_multiply, loaded))
+            loaded.attrito_when_exhausted(_ENDING)
             atexit.register(loaded.attrito_stop)
             return loaded
     expected = f"the built library in {', '.join(map(str, looked))} (run script/bootstrap, or install attrito_*.deb)"
     raise InputError(Fault("attrito", NAME, "not found", expected))
+
+
+def _loaded(place: Path) -> ctypes.CDLL:
+    try:
+        return ctypes.CDLL(str(place), mode=ctypes.RTLD_GLOBAL)
+    except OSError as error:
+        expected = "a library that can be loaded: those that it needs, and memory for them (ulimit -v)"
+        raise InputError(Fault(str(place), "file", str(error), expected)) from error
+
+
+def _multiply(loaded: ctypes.CDLL) -> None:
+    """Two matrices, by the BLAS of the library."""
+    size, one, matrix = ctypes.c_int(ROWS), ctypes.c_double(1.0), (ctypes.c_double * ROWS**2)()
+    rows, factor = ctypes.byref(size), ctypes.byref(one)
+    loaded.dgemm_(b"N", b"N", rows, rows, rows, factor, matrix, rows, matrix, rows, factor, matrix, rows)
+
+
+def _end_exhausted(size: int) -> None:
+    """End all ranks with a message: Fortran has no way back from an allocation that fails."""
+    from mpi4py import MPI
+
+    release_all()
+    print(f"attrito: {unforeseen(MemoryError(f'{size} bytes more'))}", file=sys.stderr, flush=True)
+    if MPI.COMM_WORLD.size > 1:
+        MPI.COMM_WORLD.Abort(2)
+    os._exit(2)
+
+
+# Kept for as long as the library may call it.
+_ENDING = EXHAUSTED(_end_exhausted)
 
 
 def start(comm: Comm) -> None:

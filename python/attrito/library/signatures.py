@@ -32,6 +32,8 @@ SERIES_CALLBACK = ctypes.CFUNCTYPE(
 )
 # Progress of a reduction: a sentence or a step, how much of it is done, of how much
 LISTENER = ctypes.CFUNCTYPE(None, c_char_p, c_int, c_int)
+# Bytes that were asked for in vain
+EXHAUSTED = ctypes.CFUNCTYPE(None, ctypes.c_int64)
 
 # Room for a message, and its length
 MESSAGE = (c_char_p, c_int)
@@ -44,6 +46,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_describe": (c_int, (c_int, c_char_p)),
     "attrito_start": (c_int, (c_int, *MESSAGE)),
     "attrito_stop": (None, ()),
+    "attrito_when_exhausted": (None, (EXHAUSTED,)),
     # Sessions of the solver
     "attrito_create": (HANDLE, (c_int, c_int, Doubles, Doubles, c_int, c_double, c_void_p)),
     "attrito_set_loads": (None, (HANDLE, c_int, Doubles, c_int, Doubles, c_int, Doubles)),

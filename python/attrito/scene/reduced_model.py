@@ -37,6 +37,8 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 LARGEST_DENSE = 4000
+# Twice the square of twice as many is below 2^31.
+LARGEST_REDUCED = 16000
 # How often a file that others replace is looked at again, where there are no locks
 MOST_ROUNDS = 5
 # Raised when the reduction of the same input changes, so that no older rom.h5 is taken for it.
@@ -236,6 +238,10 @@ def _check_interior(job: Job, scene: Scene) -> None:
         raise InputError(job.fault("[reduction]", "given", expected))
     if isinstance(modes, int) and modes > interior:
         raise InputError(job.fault("[reduction] modes", modes, f"at most {interior}, the number of interior dofs"))
+    kept = len(scene.boundary) + (modes if isinstance(modes, int) else 0)
+    if kept > LARGEST_REDUCED:
+        expected = f"at most {LARGEST_REDUCED} boundary dofs and modes: LAPACK counts entries of matrices by 32 bits"
+        raise InputError(job.fault("[reduction]", f"{kept} boundary dofs and modes", expected))
 
 
 def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScene:

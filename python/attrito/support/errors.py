@@ -64,6 +64,8 @@ def unforeseen(error: Exception) -> UnforeseenError:
     """The fault for an exception that no reader turned into one of its own."""
     said = " ".join(str(error).split())
     shown = f"{said[:297]}..." if len(said) > 300 else said
+    if isinstance(error, ImportError) and "failed to map" in said:
+        return UnforeseenError(f"memory = {shown}: expected a limit (ulimit -v) above what libraries alone take")
     if isinstance(error, MemoryError):
         return UnforeseenError(f"memory = {shown or 'exhausted'}: expected input that fits into the memory there is")
     if isinstance(error, RecursionError):

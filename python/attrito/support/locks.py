@@ -33,6 +33,9 @@ NO_LOCKS = (
 )
 
 
+_held: set[Lock] = set()
+
+
 class Lock:
     """The lock that stands for a file; by one process, and one object of it, at a time.
 
@@ -79,6 +82,7 @@ class Lock:
                 expected = "a lock of attrito, or no file of this name: rename it"
                 raise InputError(Fault(self.path, "file", "in the way", expected))
             self._descriptor = descriptor
+            _held.add(self)
             with contextlib.suppress(OSError):
                 # Nothing can be written to one of another user, whose process is dead.
                 os.ftruncate(descriptor, 0)
@@ -126,6 +130,13 @@ class Lock:
                 os.unlink(self.path)
         os.close(self._descriptor)
         self._descriptor = -1
+        _held.discard(self)
+
+
+def release_all() -> None:
+    """Give back what this process holds, before it ends without a way back."""
+    for lock in list(_held):
+        lock.release()
 
 
 @contextlib.contextmanager
