@@ -109,7 +109,7 @@ module attrito_balance_harmonic_balance
     procedure :: residual_omega
     procedure :: imbalance
     procedure :: remove_drift
-    procedure :: slip_radii
+    procedure :: slip_radii, largest_slip_radius
     procedure :: recover
     procedure :: norm
     procedure :: linear_response
@@ -322,23 +322,38 @@ contains
     real(wp), intent(in) :: mean(:)
     !> Change of it [rows]
     real(wp), intent(in) :: step(:)
-    real(wp) :: slide(size(step)), longest, reach, limit(1), slope(1)
+    real(wp) :: slide(size(step)), longest
     integer :: i
 
     slip_radii = 0.0_wp
     if (self%free%sliding == 0 .or. allocated(self%frozen_mean) .or. allocated(self%spring_anchor)) return
     slide = slide_in(self, step)
-    reach = tiny(1.0_wp)
     longest = 0.0_wp
     do i = 1, size(self%law)
-      associate (law => self%law(i), last => self%law(i)%first_row + self%law(i)%tangents)
-        call law%slip_force([law%normal_force(mean(last))], limit, slope)
-        reach = max(reach, limit(1)/law%tangential_stiffness)
-        longest = max(longest, norm2(slide(law%first_row:last - 1)))
+      associate (law => self%law(i))
+        longest = max(longest, norm2(slide(law%first_row:law%first_row + law%tangents - 1)))
       end associate
     end do
-    slip_radii = self%ranks%largest(longest)/self%ranks%largest(reach)
+    slip_radii = self%ranks%largest(longest)/max(tiny(1.0_wp), self%largest_slip_radius(mean))
   end function slip_radii
+
+  !> How far contacts stick under the mean normal forces, at most; 0 where all are open in the mean.
+  real(wp) function largest_slip_radius(self, mean)
+    class(balance_type), intent(in) :: self
+    !> Of the relative displacements [rows]
+    real(wp), intent(in) :: mean(:)
+    real(wp) :: limit(1), slope(1)
+    integer :: i
+
+    largest_slip_radius = 0.0_wp
+    do i = 1, size(self%law)
+      associate (law => self%law(i))
+        call law%slip_force([law%normal_force(mean(law%first_row + law%tangents))], limit, slope)
+        largest_slip_radius = max(largest_slip_radius, limit(1)/law%tangential_stiffness)
+      end associate
+    end do
+    largest_slip_radius = self%ranks%largest(largest_slip_radius)
+  end function largest_slip_radius
 
   !> The part of a change of the mean along which bodies slide on all contacts, as relative displacements of this rank's rows.
   function slide_in(self, change) result(slide)

@@ -102,6 +102,11 @@ contains
           call raise(error, trim(where_it_failed)//too_stiff(rounding))
           return
         end if
+        if (.not. solver%context%balance%free%leaves_motion) then
+          call raise(error, trim(where_it_failed)//', though the structure holds itself: the iteration failed (give contacts'// &
+                     ' less stiffness, interference or preload, or the path more [static] steps)')
+          return
+        end if
         if (drifts(solver, omega)) where_it_failed = trim(where_it_failed)//': a body drifts, no contact holds it'
         call raise(error, trim(where_it_failed)//' (do the loads open all contacts that hold a body, or exceed their friction?)')
         return

@@ -81,8 +81,8 @@ contains
     !> What was found at this point so far, and by this
     type(strategy_outcome_type), intent(inout) :: outcome
     type(periods_type) :: periods
-    logical :: early_stop
-    real(wp) :: change
+    logical :: early_stop, is_resolved
+    real(wp) :: change, radius
     integer :: attempt, drifting
 
     call start_integrator(solver, from_rest, outcome%converged)
@@ -104,6 +104,14 @@ contains
       if (drifting == windows_in_a_row) outcome%evidence%is_drifting = .true.
       if (outcome%evidence%is_drifting .and. attempt >= attempts_lost) exit
     end do
+    ! A state whose rounding is more than a thousandth of how far contacts stick shows nothing of the motion.
+    associate (balance => solver%context%balance)
+      radius = balance%largest_slip_radius(solver%motion(1, :))
+      is_resolved = radius <= 0.0_wp .or. settled*radius >= scale(balance%ranks%largest(maxval([0.0_wp, abs(solver%motion)])), &
+                                                                  -digits_at_start)
+    end associate
+    outcome%evidence%is_drifting = outcome%evidence%is_drifting .and. is_resolved
+    if (.not. is_resolved) change = 0.0_wp
     ! If the steps of a window fail, those before it have shown whether the motion settles.
     outcome%evidence%no_periodic_solution = outcome%evidence%is_drifting .or. (.not. outcome%converged .and. change > settled)
   end subroutine run_and_solve

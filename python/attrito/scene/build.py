@@ -29,6 +29,8 @@ from attrito.support.timing import peak_megabytes
 
 # What to expect of a mass that some dofs lack
 STATIC_BY_REDUCTION = "mass at every dof, or [reduction], in which dofs without mass follow the others statically"
+# Of forces, smaller ones have squares that are 0.
+SMALLEST_LOAD = 1e-140
 
 
 def build_scene(job: Job) -> Scene:
@@ -75,7 +77,7 @@ def build_scene(job: Job) -> Scene:
 def check_finite(
     job: Job, contacts: Contacts, static: dict[str, np.ndarray], harmonic: np.ndarray, monitors: dict[str, np.ndarray]
 ) -> None:
-    """Raise where numbers of the job, each of them finite, make sums or products that are not."""
+    """Raise where numbers of the job, each of them finite, make sums, products or squares that are not, or vanish."""
     faults = []
     explicit = len(job["contact"])
     row_contact = np.repeat(np.arange(contacts.count), contacts.laws["tangents"] + 1)
@@ -90,6 +92,13 @@ def check_finite(
             place = f"contact[{table}]" if table < explicit else f"contact_set[{table - explicit}]"
             faults.append(job.fault(f"{place} {name}", "beyond what numbers hold", "smaller numbers"))
     kinds = {f"load {name}": vector for name, vector in static.items()} | {"harmonic loads": harmonic}
+    for name, vector in kinds.items():
+        largest = np.max(abs(vector), initial=0.0)
+        if np.isfinite(largest) and largest and not SMALLEST_LOAD < largest < 1.0 / SMALLEST_LOAD:
+            expected = (
+                f"from {SMALLEST_LOAD:g} to {1.0 / SMALLEST_LOAD:g}, or 0: squares must be numbers, so take other units"
+            )
+            faults.append(job.fault(name, f"at most {largest:g}", expected))
     kinds |= {f"[output] monitors {name}": vector for name, vector in monitors.items()}
     for name, vector in kinds.items():
         if not np.all(np.isfinite(vector)):

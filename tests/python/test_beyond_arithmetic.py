@@ -1,0 +1,52 @@
+"""What numbers of 64 bits cannot resolve is said to have failed: it is no finding about the motion."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from jobs import attrito_here, run, wedge, write_job
+
+from attrito.library.names import OUTCOMES
+
+
+def against_a_wall(tangential_stiffness: float, gap: float = 0.0) -> dict:
+    """The wedge sliding along a wall that is normal to y."""
+    job = wedge(force=400.0)
+    stiffness = {"normal_stiffness": 3.0e5, "tangential_stiffness": tangential_stiffness, "friction_coefficient": 0.5}
+    job["contact"] = [{"normal": [[1, 1.0]], "tangents": [[[0, -1.0]]], "gap": gap, **stiffness}]
+    job["load"][0]["dofs"] = [[1, 420.0]]
+    job["load"][1] = {"kind": "harmonic", "cosine": [[0, -400.0]]}
+    job["balance"] = {"harmonics": 7}
+    job["sweep"] = {"frequencies_hz": [100.0, 110.0, 120.0, 130.0]}
+    return job
+
+
+@pytest.mark.parametrize("tangential_stiffness", [3e13, 1e14, 1e15])
+def test_friction_whose_slip_radius_rounding_hides_is_not_said_to_have_no_orbit(tmp_path: Path, tangential_stiffness):
+    """There is one: that of rigid friction, to which softer springs lead."""
+    run(tmp_path, against_a_wall(tangential_stiffness), code=1)
+    with h5py.File(tmp_path / "result.h5") as file:
+        outcome = file["points/outcome"][:]
+    assert not np.any(outcome == OUTCOMES.index("no_period_one_orbit"))
+
+
+def test_a_structure_that_holds_itself_is_not_asked_what_holds_it(tmp_path, capfd):
+    done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, against_a_wall(3e5, gap=-1e10)))
+    assert done.returncode == 1
+    assert "no equilibrium found, though the structure holds itself: the iteration failed (give contacts" in done.stderr
+    assert "do the loads open" not in done.stderr
+
+
+@pytest.mark.parametrize("factor", [1e-158, 1e-300, 1e160])
+@pytest.mark.parametrize("load", [0, 1])
+def test_loads_whose_squares_are_no_numbers_are_refused(tmp_path, capfd, factor, load):
+    """Amplitudes were 0, and converged."""
+    job = wedge()
+    key = ["dofs", "cosine"][load]
+    job["load"][load][key] = [[dof, factor * value] for dof, value in job["load"][load][key]]
+    done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, job))
+    assert done.returncode == 2
+    assert "expected from 1e-140 to 1e+140, or 0: squares must be numbers, so take other units" in done.stderr
