@@ -16,6 +16,8 @@ from faulty_files import cut, fault_of, replaced
 from two_springs import DATA, STIFFNESS
 
 from attrito.importers import read_matrix, read_mesh
+from attrito.importers.dof_file import read_dof_file
+from attrito.support.errors import InputError
 
 STIF, HB, PCH, SMALL, OP4 = (
     f"two_springs{end}" for end in ("_STIF1.mtx", "_stiffness.hb", ".pch:KAAX", "_small.bdf:KAAX", ".op4:KAA")
@@ -367,3 +369,25 @@ def test_numbers_beside_a_matrix_are_no_matrices(save, tmp_path):
     save(tmp_path / "n.mat", {"n": np.ones((1, 1))})
     assert "'no name': expected one matrix of the file" in fault_of(read_matrix, tmp_path / "n.mat", "stiffness")
     assert read_matrix(f"{tmp_path / 'n.mat'}:n", "stiffness").toarray() == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "place"),
+    [
+        ("a.dof", "1.1\n{id}.2\n", "line 2"),
+        ("a.map", "1 1 UX\n2 {id} UY\n", "line 2"),
+        ("a.bdf", "BEGIN BULK\nASET,{id},1\n", "line 2, ASET"),
+        ("a.bdf", "BEGIN BULK\nASET1,1,{id}\n", "line 2, ASET1"),
+        ("mesh.bdf", "BEGIN BULK\nGRID,{id},,0.,0.,0.\n", "line 2, GRID"),
+        ("mesh.bdf", "BEGIN BULK\nGRID,1,,0.,0.,0.\nSET1,1,1,{id}\n", "line 3, SET1"),
+        ("mesh.bdf", "BEGIN BULK\nGRID,1,,0.,0.,0.\nCTETRA,1,1,1,1,1,{id}\n", "line 3, CTETRA"),
+    ],
+)
+@pytest.mark.parametrize("number", [10**18, 2**64, 10**40])
+def test_an_id_beyond_64_bits_is_a_fault_of_its_line(tmp_path, name, text, place, number):
+    (tmp_path / name).write_text(text.format(id=number))
+    read = read_mesh if name.startswith("mesh") else read_dof_file
+    with pytest.raises(InputError) as caught:
+        read(tmp_path / name)
+    (fault,) = caught.value.faults
+    assert fault.key == place and str(number) in str(fault.value)

@@ -12,6 +12,7 @@ from typing import NoReturn
 
 import numpy as np
 
+from attrito.importers.mesh_data import is_id
 from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
 from attrito.support.errors import Fault, InputError
 from attrito.support.text_files import read_lines
@@ -53,7 +54,7 @@ def _dotted(path: str, words: list[list[str]]) -> tuple[np.ndarray, np.ndarray]:
     node, direction = np.empty(len(flat), np.int64), np.empty(len(flat), np.int8)
     for k, (line, word) in enumerate(flat):
         left, _, right = word.partition(".")
-        if not left.isdecimal() or right not in ("0", "1", "2", "3", "4", "5", "6"):
+        if not is_id(left) or right not in ("0", "1", "2", "3", "4", "5", "6"):
             expected = "node.direction with direction 1, 2, 3 (displacement), 4, 5, 6 (rotation) or 0 (generalised)"
             raise InputError(Fault(path, f"line {line + 1}", word, expected))
         node[k], direction[k] = int(left), int(right)
@@ -63,9 +64,9 @@ def _dotted(path: str, words: list[list[str]]) -> tuple[np.ndarray, np.ndarray]:
 def _mapping(path: str, words: list[list[str]]) -> tuple[np.ndarray, np.ndarray]:
     node, direction = [], []
     for k, line in enumerate(words):
-        if len(line) == 0 or (not node and not line[0].isdecimal()):
+        if len(line) == 0 or (not node and not is_id(line[0])):
             continue
-        if len(line) != 3 or not line[0].isdecimal() or not line[1].isdecimal() or line[2].upper() not in LABELS:
+        if len(line) != 3 or not is_id(line[0]) or not is_id(line[1]) or line[2].upper() not in LABELS:
             expected = f"row, node and one of {', '.join(LABELS)} (no Lagrange multipliers, no other fields)"
             raise InputError(Fault(path, f"line {k + 1}", " ".join(line), expected))
         if int(line[0]) != len(node) + 1:
@@ -84,7 +85,7 @@ def _sets(path: str) -> tuple[np.ndarray, np.ndarray]:
         elif card.name in ("ASET", "USET", "EXTRN"):
             fields = card.fields[1:] if card.name == "USET" else card.fields
             for node, parts in zip(fields[::2], [*fields[1::2], ""], strict=False):
-                if node and not node.isdecimal():
+                if node and not is_id(node):
                     _bad(card)
                 if node:
                     dofs = [(int(node), part) for part in _components(card, parts)]

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from attrito.importers.mesh_data import LONGEST_RANGE
+from attrito.importers.mesh_data import LONGEST_RANGE, is_id
 from attrito.support.errors import Fault, InputError
 from attrito.support.text_files import read_lines
 
@@ -65,8 +65,8 @@ def whole_numbers(card: Card, begin: int, known: set[int] | None = None) -> list
     for word in words:
         if word.upper() == "THRU":
             through = bool(numbers)
-        elif not word.isdecimal():
-            raise InputError(card.fault("whole numbers, or two with THRU between them"))
+        elif not is_id(word):
+            raise InputError(card.fault("whole numbers of at most 18 digits, or two with THRU between them"))
         elif through:
             numbers += [*_between(card, numbers[-1], int(word), known), int(word)]
             through = False

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
+from attrito.importers.mesh_data import Mesh, check_nodes, is_id, new_mesh
 from attrito.importers.nastran_cards import Card, read_cards, whole_numbers
 from attrito.importers.nastran_systems import CARDS, Systems
 from attrito.support.errors import InputError
@@ -88,6 +88,6 @@ def _points(cards: list[Card]) -> tuple[np.ndarray, np.ndarray, dict[int, np.nda
 
 
 def _whole(card: Card, word: str) -> int:
-    if not word.isdecimal():
-        raise InputError(card.fault("whole numbers"))
+    if not is_id(word):
+        raise InputError(card.fault("whole numbers of at most 18 digits"))
     return int(word)

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from attrito.importers.mesh_data import is_id
 from attrito.importers.nastran_cards import Card
 from attrito.support.errors import InputError
 
@@ -32,7 +33,7 @@ def real(card: Card, word: str) -> float:
 
 def whole(card: Card, word: str) -> int:
     """A whole number; a blank is zero."""
-    if word and not word.isdecimal():
+    if word and not is_id(word):
         raise InputError(card.fault("whole numbers"))
     return int(word or 0)
 
