@@ -76,7 +76,7 @@ def test_nodes_of_ansys_come_in_many_formats(form, tmp_path):
     wide, digits = map(int, re.search(r"e(\d+)\.(\d+)", form).groups())
     line = "".join(f"{number:{width}d}" for number, width in zip((12, 0, 0), widths, strict=True))
     line += "".join(f"{x:{wide}.{digits}E}" for x in (0.25, -1.5, 8.0))
-    (tmp_path / "mesh.cdb").write_text(f"NBLOCK,6,SOLID,    3,    3\n{form}\n{line}\nN,R5.3,LOC,       -1,\n")
+    (tmp_path / "mesh.cdb").write_text(f"NBLOCK,6,SOLID,   12,    1\n{form}\n{line}\nN,R5.3,LOC,       -1,\n")
     mesh = read_mesh(tmp_path / "mesh.cdb")
     assert (mesh.node_ids.tolist(), mesh.coordinates.tolist()) == ([12], [[0.25, -1.5, 8.0]])
 

@@ -391,3 +391,19 @@ def test_an_id_beyond_64_bits_is_a_fault_of_its_line(tmp_path, name, text, place
         read(tmp_path / name)
     (fault,) = caught.value.faults
     assert fault.key == place and str(number) in str(fault.value)
+
+
+@pytest.mark.parametrize("damage", ["\0" * 20 + "\n", "*GARBAGE\n", "\n"])
+@pytest.mark.parametrize("what", ["nodes", "elements"])
+def test_a_block_of_ansys_that_ends_early_is_told(tmp_path, what, damage):
+    """What followed a damaged line was left out without a word."""
+    node = "{:9d}        0        0" + " 0.0000000000000E+000" * 3 + "\n"
+    element = ("        1" * 8 + "        4        0{:9d}" + "        1        2        3        4") + "\n"
+    rows = {"nodes": [node.format(k) for k in (1, 2, 3, 4)], "elements": [element.format(k) for k in (1, 2)]}
+    rows[what].insert(1, damage)
+    (tmp_path / "mesh.cdb").write_text(
+        f"NBLOCK,6,SOLID,4,4\n(3i9,6e21.13e3)\n{''.join(rows['nodes'])}N,R5.3,LOC,-1,\nET,1,185\n"
+        f"EBLOCK,19,SOLID,2,2\n(19i9)\n{''.join(rows['elements'])}       -1\n"
+    )
+    with pytest.raises(InputError, match=f"{what}, as it declares, not 1: the file is cut off or damaged"):
+        read_mesh(tmp_path / "mesh.cdb")

@@ -74,6 +74,7 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
         words = [word.strip() for word in block.line(line).upper().split(",")]
         if words[0] == "NBLOCK":
             ids, points, turned = _nodes(block, line)
+            _check_count(block, line, words, len(ids), "nodes")
             axes |= turned
             if mesh is not None:
                 ids, points = np.append(mesh.node_ids, ids), np.concatenate([mesh.coordinates, points])
@@ -81,7 +82,9 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
         elif words[0] in ("ET", "ETBLOCK"):
             types |= _types(block, line, words)
         elif words[0] == "EBLOCK" and len(words) > 2 and words[2] == "SOLID":
-            elements += [(number, types.get(kind), nodes) for number, kind, nodes in _elements(block, line)]
+            found = _elements(block, line)
+            _check_count(block, line, words, len(found), "elements")
+            elements += [(number, types.get(kind), nodes) for number, kind, nodes in found]
         elif words[0] == "EBLOCK" and "COMPACT" in words:
             raise block.fault(line, "elements in blocks of the SOLID key, as CDWRITE makes them (not COMPACT)")
         elif words[0] == "EBLOCK":
@@ -98,6 +101,12 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
     mesh.files, mesh.axes = [Path(path)], axes
     check_nodes(block.path, mesh)
     return mesh
+
+
+def _check_count(block: Block, line: int, words: list[str], count: int, what: str) -> None:
+    """Raise where a block ends before, or behind, the number that it declares in its fifth word."""
+    if len(words) > 4 and words[4].isdecimal() and int(words[4]) != count:
+        raise block.fault(line, f"{words[4]} {what}, as it declares, not {count}: the file is cut off or damaged")
 
 
 def _types(block: Block, line: int, words: list[str]) -> dict[int, int]:
