@@ -15,7 +15,7 @@ from edited import edited
 from faulty_files import cut, fault_of, replaced
 from two_springs import DATA, STIFFNESS
 
-from attrito.importers import read_matrix, read_mesh
+from attrito.importers import read_matrix, read_mesh, unpacked
 from attrito.importers.dof_file import read_dof_file
 from attrito.support.errors import InputError
 
@@ -407,3 +407,16 @@ def test_a_block_of_ansys_that_ends_early_is_told(tmp_path, what, damage):
     )
     with pytest.raises(InputError, match=f"{what}, as it declares, not 1: the file is cut off or damaged"):
         read_mesh(tmp_path / "mesh.cdb")
+
+
+@pytest.mark.parametrize("ending", [".npz", ".mat"])
+def test_what_unpacks_to_more_than_the_memory_is_refused_before_it_is(tmp_path, monkeypatch, ending):
+    matrix, path = sparse.identity(40_000, format="csr"), tmp_path / f"k{ending}"
+    if ending == ".npz":
+        sparse.save_npz(path, matrix)
+    else:
+        scipy.io.savemat(path, {"K": matrix.tocsc()}, do_compression=True)
+    assert read_matrix(path, "stiffness").nnz == 40_000
+    monkeypatch.setattr(unpacked, "most_bytes", lambda: 100_000)
+    with pytest.raises(InputError, match="bytes when it is unpacked.*expected at most 100000, half of the memory"):
+        read_matrix(path, "stiffness")

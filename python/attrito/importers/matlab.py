@@ -12,6 +12,7 @@ from scipy.sparse import csr_matrix
 from attrito.importers.mat_records import fault_of_version_4, is_version_4
 from attrito.importers.npz import check_parts, real_matrix
 from attrito.importers.source import Source, no_such_matrix, refuse
+from attrito.importers.unpacked import check_mat
 from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets
 
 # Version 4 has no such header, and is known by its ending.
@@ -43,6 +44,8 @@ def _from_mat(path: str, key: str, name: str | None) -> csr_matrix:
     if is_version_4(path) and (fault := fault_of_version_4(path)):
         raise refuse(path, key, fault, "a MATLAB file")
     try:
+        if not is_version_4(path):
+            check_mat(path, key)
         listed = scipy.io.whosmat(path)
         name = _choose(path, key, name, *({one[0]: one[part] for one in listed} for part in (1, 2)))
         matrix = scipy.io.loadmat(path, variable_names=[name])[name]

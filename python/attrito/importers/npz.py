@@ -11,6 +11,7 @@ import scipy.sparse
 from scipy.sparse import csr_matrix
 
 from attrito.importers.source import Source, refuse
+from attrito.importers.unpacked import check_zip
 from attrito.support.hdf5_reading import UNREADABLE
 
 
@@ -18,6 +19,7 @@ def read_npz(path: str | Path, key: str) -> Source:
     """One real matrix `[n, n]`."""
     path = str(path)
     try:
+        check_zip(path, key)
         matrix = scipy.sparse.load_npz(path)
     except (*UNREADABLE, EOFError, zipfile.BadZipFile, zlib.error) as error:
         raise refuse(path, key, str(error), "a file of scipy.sparse.save_npz") from error
