@@ -38,6 +38,7 @@ class SolidShapes:
 
     Parameters
     ----------
+    values : at each point, `[points, nodes]`
     gradients : along r, s, t at each point, `[points, nodes, 3]`
     weights : of the points in integrals over the reference element, `[points]`
     to_nodes : values at the nodes from those at the points, `[nodes, points]`
@@ -46,6 +47,7 @@ class SolidShapes:
     incompatible : gradients of the modes without nodes at each point, `[points, modes, 3]`; no modes in most elements
     """
 
+    values: np.ndarray
     gradients: np.ndarray
     weights: np.ndarray
     to_nodes: np.ndarray
@@ -79,6 +81,7 @@ def solid_shapes(kind: str) -> SolidShapes:
     to_nodes = _monomials(nodes, through) @ np.linalg.pinv(_monomials(points, through))
     bubbles = -2.0 * points[:, :, None] * np.eye(3)
     return SolidShapes(
+        values=_monomials(points, powers) @ to_shape,
         gradients=_slopes(points, powers, to_shape),
         weights=weights,
         to_nodes=to_nodes,

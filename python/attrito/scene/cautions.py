@@ -11,8 +11,10 @@ from itertools import combinations
 
 import numpy as np
 
+from attrito.job.accelerations import BASE_KEYS
 from attrito.job.job import Job
 from attrito.library.reduced_scene import ReducedScene, all_alike
+from attrito.model.held_mass import held_share
 from attrito.model.rigidity import resisted_rotation
 from attrito.scene.scene import Contacts, Scene
 from attrito.scene.sector import wheel_axis
@@ -22,6 +24,8 @@ PARALLEL = 1e-6
 # Distance of paired nodes over the extent of their interface, and the rotation that slip and moment are of, rad.
 FAR_APART = 1e-3
 ROTATION = 1e-3
+# Part of the mass that a load may lack
+LOST_AT_SUPPORTS = 0.01
 # Part of the largest modal damping that is rounding.
 ROUNDING = 1e-10
 NOTHING_TOUCHES = "no contact touches at the static solution"
@@ -35,8 +39,24 @@ def of_scene(job: Job, scene: Scene) -> list[str]:
     """Warnings on keys without an effect, the model, where its contacts lie, and what is not examined of them."""
     contacts = scene.contacts
     found = [*job.notes, *_parallel_rows(job, contacts), *_distant_pairs(job, scene), *_unexamined(job, contacts)]
+    found += _lost_at_supports(job, scene)
     resists = resisted_rotation(scene.model)
     return found if resists is None else [resists, *found]
+
+
+def _lost_at_supports(job: Job, scene: Scene) -> list[str]:
+    """Loads by mass, of which what free nodes share with held ones is missing."""
+    by_mass = [
+        f"load[{i}]"
+        for i, load in enumerate(job["load"])
+        if load["kind"] == "centrifugal" or any(load.get(name) is not None for name in ("gravity", *BASE_KEYS))
+    ]
+    if not by_mass or not scene.model.has_mesh or (share := held_share(scene.model)) <= LOST_AT_SUPPORTS:
+        return []
+    return [
+        f"{', '.join(by_mass)}: matrices without held dofs lack {share:.1%} of the mass, which nodes beside supports"
+        " share with them, and so does the load: finer elements at the supports share less"
+    ]
 
 
 def of_damping(scene: ReducedScene) -> list[str]:
