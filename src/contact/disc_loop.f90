@@ -6,6 +6,7 @@
 !> Sliders never part, so P_w has no singular value above one. Near the last place to rest one comes close to it.
 module attrito_contact_disc_loop
   use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_trigonometric, only: basis_at
   use attrito_model_contacts, only: contact_type
   use attrito_contact_disc_march, only: start_at, land, march_disc, slider_at
   use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
@@ -60,10 +61,11 @@ contains
 
     k = size(motion%series, 2)
     columns = columns_of(motion, forces%without_jacobian, .false.)
-    loop%record = new_record(cuts(1), k, size(forces%deviation, 1), columns, columns > 0, .true.)
+    loop%record = new_record(cuts(1), k, size(forces%deviation, 1), columns, columns > 0, .true., rules%radau%nodes)
     panel = new_slip_panel(rules, max(k, size(forces%deviation, 1)))
     allocate (loop%by_slider(columns, 2), source=0.0_wp)
-    call motion%at(0.0_wp, basis, jet)
+    jet = motion%at(0.0_wp)
+    basis = basis_at(0.0_wp, motion%harmonics)
     loop%slider = jet(1:2)
     if (columns > 0) then
       loop%by_slider(:k, 1) = basis
@@ -105,7 +107,8 @@ contains
     columns = columns_of(motion, forces%without_jacobian, .false.)
     loop%record = new_record(0.0_wp, k, size(forces%deviation, 1), columns, columns > 0, .true.)
     allocate (loop%by_slider(columns, 2), source=0.0_wp)
-    call motion%at(0.0_wp, basis, jet)
+    jet = motion%at(0.0_wp)
+    basis = basis_at(0.0_wp, motion%harmonics)
     loop%slider = jet(1:2)
     loop%start = loop%slider
     state%slider = loop%slider
@@ -139,12 +142,12 @@ contains
 
     keeps = .true.
     if (present(only_end)) keeps = .not. only_end
-    columns = columns_of(motion, forces%without_jacobian .or. .not. keeps, .true.)
-    loop%record = new_record(0.0_wp, size(motion%series, 2), size(forces%deviation, 1), columns, columns > 2, keeps)
+    columns = columns_of(motion, forces%without_jacobian .or. .not. keeps, .not. (forces%without_jacobian .and. keeps))
+    loop%record = new_record(0.0_wp, size(motion%series, 2), size(forces%deviation, 1), columns, columns > 2, keeps, &
+                             rules%radau%nodes)
     panel = new_slip_panel(rules, merge(max(size(motion%series, 2), size(forces%deviation, 1)), size(motion%series, 2), keeps))
     allocate (by_start(columns, 2), loop%by_slider(columns, 2), source=0.0_wp)
-    by_start(columns - 1, 1) = 1.0_wp
-    by_start(columns, 2) = 1.0_wp
+    if (columns > 0) by_start(columns - 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
     loop%start = slider
     call start_at(motion, 0.0_wp, slider, by_start, loop%record, state, loop%entered)
     call march_disc(motion, rules, 0.0_wp, two_pi, .false., panel, state, loop%record)

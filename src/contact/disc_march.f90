@@ -9,6 +9,7 @@
 !> this one alone leaves a term of its instant: dw = du - (u'/r') dr.
 module attrito_contact_disc_march
   use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: basis_at
   use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, leave_rim, enter_rim
   use attrito_contact_disc_slip, only: slip_on
@@ -34,17 +35,17 @@ contains
     type(disc_state_type), intent(out) :: state
     !> Was the slider outside its disc?
     logical, intent(out) :: entered
-    real(wp) :: basis(2*motion%harmonics + 1), jet(6), distance
+    real(wp) :: jet(6), distance
 
-    call motion%at(theta, basis, jet)
+    jet = motion%at(theta)
     state%slider = slider
     state%by_slider = by_slider
     allocate (state%by_phi(record%columns), source=0.0_wp)
     distance = norm2(jet(1:2) - slider)
     entered = distance > jet(3) + motion%negligible
     if (distance < jet(3) - motion%negligible) return
-    call enter_rim(motion, basis, jet, record%by_motion, state)
-    if (dot_product(jet(4:5), jet(1:2) - slider) <= jet(6)*distance) call leave_rim(motion, basis, jet, record%by_motion, state)
+    call enter_rim(motion, theta, record%by_motion, state)
+    if (dot_product(jet(4:5), jet(1:2) - slider) <= jet(6)*distance) call leave_rim(motion, theta, record%by_motion, state)
   end subroutine start_at
 
   !> A contact that lands.
@@ -60,7 +61,8 @@ contains
     real(wp) :: basis(2*motion%harmonics + 1), jet(6), second(3), speed, e(2), turn, derivative
     integer :: h, k
 
-    call motion%at(theta, basis, jet)
+    jet = motion%at(theta)
+    basis = basis_at(theta, motion%harmonics)
     allocate (state%by_phi(record%columns), state%by_slider(record%columns, 2), source=0.0_wp)
     k = 2*motion%harmonics + 1
     speed = norm2(jet(4:5))
@@ -77,7 +79,7 @@ contains
     state%phi = atan2(jet(5), jet(4))
     if (.not. record%by_motion) return
     e = jet(4:5)/speed
-    second = motion%second_at(basis)
+    second = motion%second_at(theta)
     turn = (second(2)*e(1) - second(1)*e(2))/(jet(6) + speed)
     do h = 1, motion%harmonics
       derivative = -h*basis(2*h + 1)/speed
@@ -137,13 +139,9 @@ contains
     !> Slider, and its derivative [columns, 2]
     real(wp), intent(out) :: slider(2), by_slider(:, :)
     type(disc_state_type) :: there
-    real(wp) :: basis(2*motion%harmonics + 1), jet(6)
 
     there = state
-    if (state%slips) then
-      call motion%at(theta, basis, jet)
-      call leave_rim(motion, basis, jet, record%by_motion, there)
-    end if
+    if (state%slips) call leave_rim(motion, theta, record%by_motion, there)
     slider = there%slider
     by_slider = there%by_slider
   end subroutine slider_at

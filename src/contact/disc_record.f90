@@ -8,6 +8,8 @@
 !> is one.
 module attrito_contact_disc_record
   use attrito_core_kinds, only: wp, pi
+  use attrito_core_lapack, only: add_transposed_product
+  use attrito_core_trigonometric, only: basis_at
   use attrito_contact_disc_motion, only: disc_motion_type
   use attrito_contact_slip_panel, only: slip_panel_type
   implicit none
@@ -35,28 +37,35 @@ module attrito_contact_disc_record
     real(wp), allocatable :: sliders(:, :), by_sliders(:, :, :)
     !> Fourier coefficients of the force over k_t in slip [e, 2]
     real(wp), allocatable :: slip_force(:, :)
-    !> Nodes of slip: how many; 1, cos, sin, ... with their weights [k, nodes]; derivatives of r e [columns, 2, nodes]
+    !> Its derivatives [k, 2 columns]
+    real(wp), allocatable :: by_slip(:, :)
+    !> Nodes of slip that are not in it yet: how many; 1, cos, sin, ... with their weights [room, k]; derivatives of r e
+    !> [room, columns, 2]
     integer :: nodes = 0
     real(wp), allocatable :: basis(:, :), gradient(:, :, :)
   contains
     procedure :: add_interval
     procedure :: add_nodes
+    procedure :: flush_nodes
   end type disc_record_type
 
-  !> Room for intervals and nodes at first
-  integer, parameter :: few_intervals = 16, few_nodes = 128 ! conventional
+  !> Room for intervals at first; room for nodes, at most and in numbers: what is larger is given back to the system each time
+  integer, parameter :: few_intervals = 16, most_nodes = 128, room = 8192 ! conventional
 
 contains
 
   !> Nothing yet.
-  function new_record(from, coefficients, extended, columns, by_motion, keeps) result(self)
+  function new_record(from, coefficients, extended, columns, by_motion, keeps, nodes) result(self)
     !> Where the march begins
     real(wp), intent(in) :: from
     !> Of the motion a row; of forces; number of columns
     integer, intent(in) :: coefficients, extended, columns
     !> Are the first 3 k columns those of the motion? Is all to be kept?
     logical, intent(in) :: by_motion, keeps
+    !> Of a panel, if there are to be any
+    integer, intent(in), optional :: nodes
     type(disc_record_type) :: self
+    integer :: panels
 
     self%keeps = keeps
     self%by_motion = by_motion
@@ -64,9 +73,12 @@ contains
     if (.not. keeps) return
     allocate (self%ends(0:few_intervals), self%regimes(few_intervals), self%sliders(2, few_intervals))
     allocate (self%by_sliders(columns, 2, few_intervals), self%slip_force(extended, 2))
-    allocate (self%basis(coefficients, few_nodes), self%gradient(columns, 2, few_nodes))
     self%ends(0) = from
     self%slip_force = 0.0_wp
+    if (.not. (by_motion .and. present(nodes))) return
+    panels = max(min(most_nodes, room/(2*columns + coefficients))/nodes, 2)
+    allocate (self%by_slip(coefficients, 2*columns), source=0.0_wp)
+    allocate (self%basis(panels*nodes, coefficients), self%gradient(panels*nodes, columns, 2))
   end function new_record
 
   !> One more interval, from the end of the last one.
@@ -111,55 +123,67 @@ contains
     type(disc_motion_type), intent(in) :: motion
     !> The panel, solved
     type(slip_panel_type), intent(in) :: panel
-    !> Derivatives of phi at the nodes [columns, s]
+    !> Derivatives of phi at the nodes [s, columns]
     real(wp), intent(in), contiguous :: by_phi(:, :)
-    real(wp), allocatable :: basis(:, :), gradient(:, :, :)
-    real(wp) :: weight
-    integer :: a, i, k, n
+    real(wp) :: part(size(panel%weight), 2)
+    integer :: a, c, k, last, n, s
 
     if (.not. self%keeps) return
-    k = 2*motion%harmonics + 1
-    n = self%nodes + size(panel%weight)
-    if (n > size(self%basis, 2)) then
-      allocate (basis(k, 2*n), gradient(self%columns, 2, 2*n))
-      basis(:, :self%nodes) = self%basis(:, :self%nodes)
-      gradient(:, :, :self%nodes) = self%gradient(:, :, :self%nodes)
-      call move_alloc(basis, self%basis)
-      call move_alloc(gradient, self%gradient)
-    end if
-    do i = 1, size(panel%weight)
-      n = self%nodes + i
-      weight = panel%weight(i)/pi
-      associate (r => panel%jet(3, i), e => panel%e(:, i), at => panel%basis(:, i))
-        do a = 1, 2
-          self%slip_force(1, a) = self%slip_force(1, a) + 0.5_wp*weight*r*e(a)
-          self%slip_force(2:, a) = self%slip_force(2:, a) + (weight*r*e(a))*at(2:)
-        end do
-        if (.not. self%by_motion) cycle
-        self%basis(1, n) = 0.5_wp*weight
-        self%basis(2:, n) = weight*at(2:k)
-        self%gradient(:, 1, n) = -r*e(2)*by_phi(:, i)
-        self%gradient(:, 2, n) = r*e(1)*by_phi(:, i)
-        do a = 1, 2
-          self%gradient(2*k + 1:3*k, a, n) = self%gradient(2*k + 1:3*k, a, n) + (motion%slope*e(a))*at(:k)
-        end do
-      end associate
+    s = size(panel%weight)
+    do a = 1, 2
+      part(:, a) = panel%weight/pi*panel%jet(:, 3)*panel%e(:, a)
+      self%slip_force(1, a) = self%slip_force(1, a) + 0.5_wp*sum(part(:, a))
     end do
-    self%nodes = self%nodes + size(panel%weight)
+    do c = 2, size(self%slip_force, 1)
+      self%slip_force(c, 1) = self%slip_force(c, 1) + dot_product(part(:, 1), panel%basis(:, c))
+      self%slip_force(c, 2) = self%slip_force(c, 2) + dot_product(part(:, 2), panel%basis(:, c))
+    end do
+    if (.not. self%by_motion) return
+    k = 2*motion%harmonics + 1
+    if (self%nodes + s > size(self%basis, 1)) call self%flush_nodes()
+    n = self%nodes + 1
+    last = self%nodes + s
+    self%nodes = last
+    self%basis(n:last, 1) = 0.5_wp*panel%weight/pi
+    do c = 2, k
+      self%basis(n:last, c) = panel%weight/pi*panel%basis(:, c)
+    end do
+    part(:, 1) = -panel%jet(:, 3)*panel%e(:, 2)
+    part(:, 2) = panel%jet(:, 3)*panel%e(:, 1)
+    do a = 1, 2
+      do c = 1, self%columns
+        self%gradient(n:last, c, a) = part(:, a)*by_phi(:, c)
+      end do
+      do c = 1, k
+        self%gradient(n:last, 2*k + c, a) = self%gradient(n:last, 2*k + c, a) + motion%slope*panel%e(:, a)*panel%basis(:, c)
+      end do
+    end do
   end subroutine add_nodes
 
+  !> Add the nodes to the derivatives of the force.
+  subroutine flush_nodes(self)
+    class(disc_record_type), intent(inout) :: self
+
+    if (self%nodes == 0) return
+    associate (room => size(self%basis, 1), k => size(self%basis, 2))
+      call add_transposed_product(k, 2*self%columns, self%nodes, self%basis, room, self%gradient, room, self%by_slip)
+    end associate
+    self%nodes = 0
+  end subroutine flush_nodes
+
   !> Slip ends, or is looked at: the slider is at w = u - r e, dw = du - e dr - r e_perp dphi.
-  pure subroutine leave_rim(motion, basis, jet, by_motion, state)
-    !> Motion of the contact, and its values at the instant
+  pure subroutine leave_rim(motion, theta, by_motion, state)
+    !> Motion of the contact; the instant
     type(disc_motion_type), intent(in) :: motion
-    real(wp), intent(in) :: basis(:), jet(6)
+    real(wp), intent(in) :: theta
     !> Are the first 3 k columns those of the motion?
     logical, intent(in) :: by_motion
     !> Slips before, sticks after
     type(disc_state_type), intent(inout) :: state
-    real(wp) :: e(2)
+    real(wp) :: basis(2*motion%harmonics + 1), jet(6), e(2)
     integer :: k
 
+    jet = motion%at(theta)
     e = [cos(state%phi), sin(state%phi)]
     state%slider = jet(1:2) - jet(3)*e
     state%slips = .false.
@@ -168,6 +192,7 @@ contains
     state%by_slider(:, 2) = -(jet(3)*e(1))*state%by_phi
     if (.not. by_motion) return
     k = 2*motion%harmonics + 1
+    basis = basis_at(theta, motion%harmonics)
     state%by_slider(:k, 1) = state%by_slider(:k, 1) + basis(:k)
     state%by_slider(k + 1:2*k, 2) = state%by_slider(k + 1:2*k, 2) + basis(:k)
     state%by_slider(2*k + 1:3*k, 1) = state%by_slider(2*k + 1:3*k, 1) - (motion%slope*e(1))*basis(:k)
@@ -176,17 +201,18 @@ contains
 
   !> Slip begins: its direction is that of z = u - w, dphi = e_perp.(du - dw)/|z|. (At an onset both sides turn alike, so that its
   !> instant leaves no term.)
-  pure subroutine enter_rim(motion, basis, jet, by_motion, state)
-    !> Motion of the contact, and its values at the instant
+  pure subroutine enter_rim(motion, theta, by_motion, state)
+    !> Motion of the contact; the instant
     type(disc_motion_type), intent(in) :: motion
-    real(wp), intent(in) :: basis(:), jet(6)
+    real(wp), intent(in) :: theta
     !> Are the first 3 k columns those of the motion?
     logical, intent(in) :: by_motion
     !> Sticks before, slips after
     type(disc_state_type), intent(inout) :: state
-    real(wp) :: z(2), aside(2)
+    real(wp) :: basis(2*motion%harmonics + 1), jet(6), z(2), aside(2)
     integer :: k
 
+    jet = motion%at(theta)
     z = jet(1:2) - state%slider
     state%phi = atan2(z(2), z(1))
     state%slips = .true.
@@ -194,6 +220,7 @@ contains
     state%by_phi = -aside(1)*state%by_slider(:, 1) - aside(2)*state%by_slider(:, 2)
     if (.not. by_motion) return
     k = 2*motion%harmonics + 1
+    basis = basis_at(theta, motion%harmonics)
     state%by_phi(:k) = state%by_phi(:k) + aside(1)*basis(:k)
     state%by_phi(k + 1:2*k) = state%by_phi(k + 1:2*k) + aside(2)*basis(:k)
   end subroutine enter_rim

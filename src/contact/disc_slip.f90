@@ -6,8 +6,9 @@ module attrito_contact_disc_slip
   use attrito_core_kinds, only: wp
   use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, leave_rim
+  use attrito_contact_panel_rule, only: panel_rule_type
   use attrito_contact_slip_gradient, only: differentiate_panel
-  use attrito_contact_slip_panel, only: slip_panel_type, solve_panel, direction_at, instant_at
+  use attrito_contact_slip_panel, only: slip_panel_type, solve_panel
   use attrito_contact_state, only: regime_slip
   implicit none
   private
@@ -15,6 +16,8 @@ module attrito_contact_disc_slip
 
   !> A panel, or what is left of it before slip ends, that is rounding
   real(wp), parameter :: shortest = 1.0e-13_wp, nothing = 1.0e-12_wp ! derived
+  !> In the first panel, if the direction went on turning as at its start
+  real(wp), parameter :: first_turn = 0.7_wp ! guess
 
 contains
 
@@ -35,12 +38,14 @@ contains
     type(disc_record_type), intent(inout) :: record
     !> Where it begins, then where it ends
     real(wp), intent(inout) :: theta
-    real(wp) :: basis(size(panel%basis, 1)), jet(6), length, speed, stop, by_phi(record%columns, size(panel%weight))
+    real(wp) :: jet(6), length, speed, turn, stop, by_phi(size(panel%weight), record%columns)
     logical :: solved, stops, lasts
 
-    length = rules%longest
-    call motion%at(theta, basis, jet)
+    jet = motion%at(theta)
     speed = speed_of(jet, state%phi)
+    length = rules%longest
+    turn = abs(jet(5)*cos(state%phi) - jet(4)*sin(state%phi))
+    if (jet(3) > motion%negligible .and. turn*length > first_turn*jet(3)) length = first_turn*jet(3)/turn
     do while (theta < to)
       lasts = length >= 0.999_wp*(to - theta)
       if (lasts) then
@@ -56,7 +61,7 @@ contains
       end if
       call find_stop(motion, rules, panel, speed, stops, stop)
       if (stops) then
-        length = instant_at(panel, stop) - theta
+        length = length*stop
         if (length > nothing) then
           call solve_panel(motion, rules, theta, length, .false., state%phi, panel, solved)
           if (.not. is_good()) cycle
@@ -64,16 +69,15 @@ contains
           if (record%failed) return
         end if
         theta = theta + max(length, 0.0_wp)
-        call motion%at(theta, basis, jet)
         call record%add_interval(theta, regime_slip, state)
-        call leave_rim(motion, basis, jet, record%by_motion, state)
+        call leave_rim(motion, theta, record%by_motion, state)
         return
       end if
       call keep()
       if (record%failed) return
       theta = merge(to, theta + length, lasts)
       length = min(rules%longest, length*min(2.0_wp, max(0.5_wp, wanted())))
-      speed = speed_of(panel%jet(:, size(panel%weight)), state%phi)
+      speed = speed_of(panel%jet(size(panel%weight), :), state%phi)
     end do
     call record%add_interval(to, regime_slip, state)
 
@@ -102,7 +106,7 @@ contains
         call differentiate_panel(motion, rules, state%by_phi, record%by_motion, panel, by_phi, solved)
         record%failed = .not. solved
         if (record%failed) return
-        state%by_phi = by_phi(:, size(panel%weight))
+        state%by_phi = by_phi(size(panel%weight), :)
       end if
       call record%add_nodes(motion, panel, by_phi)
       state%phi = panel%phi(size(panel%weight))
@@ -117,8 +121,9 @@ contains
     speed = jet(4)*cos(phi) + jet(5)*sin(phi) - jet(6)
   end function speed_of
 
-  !> Does slip end in a panel, and where? Signs are looked at at the nodes, and between them where a dip comes near to zero.
-  subroutine find_stop(motion, rules, panel, speed, stops, stop)
+  !> Does slip end in a panel, and where? Signs are looked at at the nodes, and between them where a dip comes near to zero. The speed
+  !> is the polynomial through its values at the nodes; where that vanishes the motion gives it once more.
+  pure subroutine find_stop(motion, rules, panel, speed, stops, stop)
     !> Motion of the contact; rules of panels
     type(disc_motion_type), intent(in) :: motion
     type(disc_rules_type), intent(in) :: rules
@@ -130,57 +135,66 @@ contains
     logical, intent(out) :: stops
     !> Part of the panel
     real(wp), intent(out) :: stop
+
+    if (panel%opens) then
+      call find_stop_by_rule(motion, rules%gauss, panel, speed, stops, stop)
+    else
+      call find_stop_by_rule(motion, rules%radau, panel, speed, stops, stop)
+    end if
+  end subroutine find_stop
+
+  !> The same with the nodes' rule.
+  pure subroutine find_stop_by_rule(motion, rule, panel, speed, stops, stop)
+    !> Motion of the contact; nodes
+    type(disc_motion_type), intent(in) :: motion
+    type(panel_rule_type), intent(in) :: rule
+    !> The panel, solved
+    type(slip_panel_type), intent(in) :: panel
+    !> Speed at the start
+    real(wp), intent(in) :: speed
+    !> Does it end?
+    logical, intent(out) :: stops
+    !> Part of the panel
+    real(wp), intent(out) :: stop
     !> Places that are looked at in a dip, and a dip's height over the largest speed that is looked into
     integer, parameter :: looks = 8 ! guess
     real(wp), parameter :: near = 0.1_wp ! guess
-    real(wp) :: speeds(0:size(panel%weight)), x(0:size(panel%weight)), place, largest
+    real(wp) :: speeds(0:rule%nodes), place, there, largest
     integer :: i, j, s
 
-    s = size(panel%weight)
-    x = rules%radau%x
-    if (panel%opens) x = rules%gauss%x
+    s = rule%nodes
     speeds(0) = speed
-    do i = 1, s
-      speeds(i) = dot_product(panel%jet(4:5, i), panel%e(:, i)) - panel%jet(6, i)
-    end do
+    speeds(1:) = panel%jet(:, 4)*panel%e(:, 1) + panel%jet(:, 5)*panel%e(:, 2) - panel%jet(:, 6)
     stops = .false.
     stop = 0.0_wp
     largest = maxval(abs(speeds))
     do i = 1, s
       if (speeds(i) < 0.0_wp) then
         stops = .true.
-        if (speeds(i - 1) > 0.0_wp) stop = zero_between(x(i - 1), x(i), speeds(i - 1), speeds(i))
+        if (speeds(i - 1) > 0.0_wp) stop = zero_between(rule%x(i - 1), rule%x(i), speeds(i - 1), speeds(i))
         return
       end if
       if (i == s) return
       if (speeds(i) > min(speeds(i - 1), speeds(i + 1), near*largest)) cycle
       do j = 1, looks - 1
-        place = x(i - 1) + (x(i + 1) - x(i - 1))*j/looks
-        associate (there => speed_at(place))
-          if (there >= 0.0_wp) cycle
-          stops = .true.
-          if (speeds(i - 1) > 0.0_wp) stop = zero_between(x(i - 1), place, speeds(i - 1), there)
-          return
-        end associate
+        place = rule%x(i - 1) + (rule%x(i + 1) - rule%x(i - 1))*j/looks
+        there = rule%interpolate(speeds, place)
+        if (there >= 0.0_wp) cycle
+        stops = .true.
+        if (speeds(i - 1) > 0.0_wp) stop = zero_between(rule%x(i - 1), place, speeds(i - 1), there)
+        return
       end do
     end do
 
   contains
 
-    real(wp) function speed_at(x)
-      !> Part of the panel
-      real(wp), intent(in) :: x
-      real(wp) :: basis(2*motion%harmonics + 1), jet(6)
-
-      call motion%at(instant_at(panel, x), basis, jet)
-      speed_at = speed_of(jet, direction_at(panel, rules, x))
-    end function speed_at
-
     !> Where the speed vanishes between two places, by regula falsi that halves the end that stays.
-    real(wp) function zero_between(left, right, at_left, at_right) result(x)
+    pure real(wp) function zero_between(left, right, at_left, at_right) result(x)
       !> Parts of the panel, and the speeds there, positive and negative
       real(wp), intent(in) :: left, right, at_left, at_right
-      real(wp) :: low, high, f_low, f_high, f
+      !> A speed that is none, over the largest: its square is rounding
+      real(wp), parameter :: none = 1.0e-10_wp ! derived
+      real(wp) :: low, high, f_low, f_high, f, rate
       integer :: iteration, side
 
       low = left
@@ -189,10 +203,11 @@ contains
       f_high = at_right
       side = 0
       do iteration = 1, 100
+        rate = (f_high - f_low)/(high - low)
         x = (f_low*high - f_high*low)/(f_low - f_high)
         if (.not. (x > low .and. x < high) .or. iteration > 30) x = 0.5_wp*(low + high)
-        f = speed_at(x)
-        if (abs(f) <= 1.0e-14_wp*largest .or. high - low < 1.0e-14_wp) exit
+        f = rule%interpolate(speeds, x)
+        if (abs(f) <= none*largest .or. high - low < none) exit
         if (f > 0.0_wp) then
           low = x
           f_low = f
@@ -205,6 +220,8 @@ contains
           side = -1
         end if
       end do
+      x = x - speed_of(motion%at(panel%from + panel%length*x), rule%interpolate(panel%phi, x))/rate
+      x = min(max(x, left), right)
     end function zero_between
-  end subroutine find_stop
+  end subroutine find_stop_by_rule
 end module attrito_contact_disc_slip

@@ -29,16 +29,14 @@ contains
     type(disc_record_type), intent(inout) :: record
     !> Where it begins, then where it ends
     real(wp), intent(inout) :: theta
-    real(wp) :: basis(2*motion%harmonics + 1), jet(6), onset
+    real(wp) :: onset
     logical :: slips
 
     call find_onset(motion, state%slider, theta, to, state%on_rim, slips, onset)
     theta = merge(onset, to, slips)
     call record%add_interval(theta, regime_stick, state)
     state%on_rim = .false.
-    if (.not. slips) return
-    call motion%at(theta, basis, jet)
-    call enter_rim(motion, basis, jet, record%by_motion, state)
+    if (slips) call enter_rim(motion, theta, record%by_motion, state)
   end subroutine stick_on
 
   !> The first instant at which a slider would leave its disc.

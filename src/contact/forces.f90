@@ -26,7 +26,7 @@ module attrito_contact_forces
     real(wp), allocatable :: jacobian(:, :)
     !> Which rows of the Jacobian are not zero [k rows]
     logical, allocatable :: active(:)
-    !> Are the deviation, state, fractions and sliders all that is wanted? Jacobian and `unique` mean nothing then
+    !> Are the deviation, state, fractions and sliders all that is wanted? Jacobian, `unique` and `may_stick` mean nothing then
     logical :: without_jacobian = .false.
     !> Sliders at the start of the period, and what the period moves them by, in pairs, one an element [as were given]
     real(wp), allocatable :: slider(:), moved(:)

@@ -13,14 +13,14 @@ module attrito_contact_quadrature_disc
   use attrito_core_lapack, only: multiply_by_transpose
   use attrito_model_contacts, only: contact_type
   use attrito_contact_disc_loop, only: loop_type, march_closed_parts, follow_motion, march_period, close_period, holding_of
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, new_disc_motion
+  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, new_disc_motion, grid_for
   use attrito_contact_forces, only: contact_forces_type, hold_slider, stay_stuck, released
   use attrito_contact_moments, only: moments_type, new_moments, ends_type, new_ends
   use attrito_contact_resting_place, only: resting_place_type, find_resting_place, resting_gradient
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
-  use attrito_contact_trigonometric_roots, only: roots_of
+  use attrito_contact_trigonometric_roots, only: roots_from_samples
   implicit none
   private
   public :: evaluate_contact_by_disc_events
@@ -29,13 +29,13 @@ contains
 
   !> Forces and Jacobian of one contact with two tangents, whose slip force is mu N. `done` is false where a panel of slip would be
   !> shorter than rounding: then nothing is said, and samples have to serve.
-  subroutine evaluate_contact_by_disc_events(law, rules, coefficients, slider, periodic, forces, done)
+  subroutine evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces, done)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
-    !> Grid and rules of panels, for the motion's harmonics
+    !> Grids and rules of panels, for the motion's harmonics
     type(disc_rules_type), intent(in) :: rules
     !> Coefficients of relative displacement u_1, u_2, v [k, 3]
-    real(wp), intent(in) :: coefficients(:, :)
+    real(wp), intent(in) :: motion(:, :)
     !> Slider at the start [2]
     real(wp), intent(in) :: slider(2)
     !> Is the slider to return after one period, as an unknown?
@@ -44,32 +44,52 @@ contains
     type(contact_forces_type), intent(inout) :: forces
     !> Have they been evaluated?
     logical, intent(out) :: done
+    integer :: shown
+
+    forces%periodic = periodic
+    forces%closed_here = .false.
+    done = .true.
+    if (is_stuck_by_bound(law, motion, slider)) then
+      call stay_stuck(law, slider, size(motion, 1), forces)
+      return
+    end if
+    shown = size(motion, 1)
+    if (forces%without_jacobian) shown = rules%significant(motion)
+    call evaluate_motion(law, rules, motion(:shown, :), slider, forces, done)
+  end subroutine evaluate_contact_by_disc_events
+
+  !> The same of all harmonics that show.
+  subroutine evaluate_motion(law, rules, coefficients, slider, forces, done)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Grids and rules of panels
+    type(disc_rules_type), intent(in) :: rules
+    !> Coefficients of relative displacement; slider at the start
+    real(wp), intent(in) :: coefficients(:, :), slider(2)
+    !> Forces of one contact over the period, and their derivatives
+    type(contact_forces_type), intent(inout) :: forces
+    !> Have they been evaluated?
+    logical, intent(out) :: done
     type(disc_motion_type) :: motion
     type(resting_place_type) :: place
     type(loop_type) :: loop
     real(wp), allocatable :: cuts(:)
 
-    forces%periodic = periodic
-    forces%closed_here = .false.
     done = .true.
-    if (is_stuck_by_bound(law, coefficients, slider)) then
-      call stay_stuck(law, slider, size(coefficients, 1), forces)
-      return
-    end if
-    motion = new_disc_motion(law, rules%grid, coefficients)
+    motion = new_disc_motion(law, rules%grids(grid_for(size(coefficients, 1)/2)), coefficients)
     if (is_stuck_on_grid(law, motion, coefficients, slider)) then
       call stay_stuck(law, slider, size(coefficients, 1), forces)
       return
     end if
-    call motion%sample_slopes(rules%grid)
+    call motion%sample_slopes(rules%grids(grid_for(size(coefficients, 1)/2)))
     call find_cuts(law, rules, motion, coefficients, cuts)
     if (size(cuts) > 0) then
       call march_closed_parts(motion, rules, cuts, forces, loop)
     else if (motion%largest <= -law%touching_force(coefficients(:, 3))*motion%slope/law%normal_stiffness) then
       call follow_motion(law, motion, coefficients, forces, loop)
-    else if (periodic) then
+    else if (forces%periodic) then
       call march_period(motion, rules, forces, slider, loop)
-      place = find_resting_place(motion, slider)
+      if (.not. forces%without_jacobian) place = find_resting_place(motion, slider)
     else
       place = find_resting_place(motion, slider)
       if (place%exists) then
@@ -87,7 +107,7 @@ contains
     forces%may_stick = place%exists
     call integrate(law, motion, loop, coefficients, forces)
     if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
-  end subroutine evaluate_contact_by_disc_events
+  end subroutine evaluate_motion
 
   !> Does what is seen on the grid show that the contact sticks?
   logical function is_stuck_on_grid(law, motion, coefficients, slider) result(sticks)
@@ -111,7 +131,7 @@ contains
   subroutine find_cuts(law, rules, motion, coefficients, cuts)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
-    !> Grid
+    !> Grids
     type(disc_rules_type), intent(in) :: rules
     !> Motion of the contact, and its coefficients
     type(disc_motion_type), intent(in) :: motion
@@ -119,12 +139,14 @@ contains
     !> The first is a landing
     real(wp), allocatable, intent(out) :: cuts(:)
     real(wp), allocatable :: roots(:)
-    real(wp) :: basis(size(coefficients, 1)), jet(6)
+    real(wp) :: jet(6)
     integer :: i, n
 
     allocate (cuts(0))
     if (motion%largest <= -law%touching_force(coefficients(:, 3))*motion%slope/law%normal_stiffness) return
-    roots = roots_of(motion%series(3, :), rules%grid)
+    associate (grid => rules%grids(grid_for(size(coefficients, 1)/2)))
+      roots = roots_from_samples(motion%series(3, :), grid%theta, motion%sampled(:, 3), motion%sampled(:, 6))
+    end associate
     n = size(roots)
     if (n < 2) return
     cuts = [real(wp) ::]
@@ -132,7 +154,7 @@ contains
       cuts = [cuts, minval(roots)]
       roots(minloc(roots, 1)) = huge(1.0_wp)
     end do
-    call motion%at(0.5_wp*(cuts(1) + cuts(2)), basis, jet)
+    jet = motion%at(0.5_wp*(cuts(1) + cuts(2)))
     if (jet(3) < 0.0_wp) cuts = [cuts(2:), cuts(1) + two_pi]
   end subroutine find_cuts
 
@@ -217,7 +239,7 @@ contains
     !> Motion of the contact
     type(disc_motion_type), intent(in) :: motion
     !> The period
-    type(loop_type), intent(in) :: loop
+    type(loop_type), intent(inout) :: loop
     !> Coefficients of relative displacement
     real(wp), intent(in) :: coefficients(:, :)
     !> Forces of one contact over the period, and their derivatives
@@ -250,12 +272,8 @@ contains
       do a = 1, 2
         call moving%add_product(coefficients(:, a), -kt, g(:, a))
       end do
-      n = record%nodes
-      allocate (basis(k, n + record%intervals), gradient(record%columns, 2, n + record%intervals))
-      if (record%by_motion) then
-        basis(:, :n) = record%basis(:, :n)
-        gradient(:, :, :n) = kt*record%gradient(:, :, :n)
-      end if
+      n = 0
+      allocate (basis(k, record%intervals), gradient(record%columns, 2, record%intervals))
       do i = 1, record%intervals
         if (record%regimes(i) /= regime_stick) cycle
         resting = new_moments(order)
@@ -272,11 +290,11 @@ contains
       if (allocated(forces%jacobian)) deallocate (forces%jacobian)
       forces%active = spread(.false., 1, 3*k)
       if (forces%without_jacobian .or. forces%state == state_stuck) return
-      allocate (product(k, 2*record%columns))
-      if (n > 0) then
-        call multiply_by_transpose(k, 2*record%columns, n, basis, gradient, product)
-      else
-        product = 0.0_wp
+      allocate (product(k, 2*record%columns), source=0.0_wp)
+      if (n > 0) call multiply_by_transpose(k, 2*record%columns, n, basis, gradient, product)
+      if (allocated(record%by_slip)) then
+        call record%flush_nodes()
+        product = product + kt*record%by_slip
       end if
       allocate (forces%jacobian(3*k, 3*k), source=0.0_wp)
       forces%active(:2*k) = .true.

@@ -13,6 +13,7 @@
 !>    \kappa = 1 - \frac{p^2}{r s} $$
 module attrito_contact_resting_place
   use attrito_core_kinds, only: wp
+  use attrito_core_trigonometric, only: basis_at
   use attrito_contact_disc_motion, only: disc_motion_type
   use attrito_contact_slider_projection, only: slider_projection_type, project_slider
   implicit none
@@ -42,7 +43,7 @@ contains
     real(wp), intent(in) :: slider(2)
     type(resting_place_type) :: place
     type(slider_projection_type) :: nearest
-    real(wp) :: instants(most_discs), u(most_discs, 2), r(most_discs), basis(2*motion%harmonics + 1), jet(6), beyond
+    real(wp) :: instants(most_discs), u(most_discs, 2), r(most_discs), jet(6), beyond
     integer :: i, n
 
     place%before = slider
@@ -52,7 +53,7 @@ contains
       place%exists = beyond <= motion%rounding
       if (place%exists .and. place%count == 1) call settle(motion, place)
       if (place%exists) return
-      call motion%at(instants(n), basis, jet)
+      jet = motion%at(instants(n))
       u(n, :) = jet(1:2)
       r(n) = jet(3)
       nearest = project_slider(u(:n, :), r(:n), slider)
@@ -107,10 +108,10 @@ contains
     type(disc_motion_type), intent(in) :: motion
     !> Where it rests
     type(resting_place_type), intent(inout) :: place
-    real(wp) :: basis(2*motion%harmonics + 1), jet(6), instant, beyond
+    real(wp) :: jet(6), instant, beyond
 
     call refine(motion, place%before, place%instants(1) - motion%step, place%instants(1) + motion%step, instant, beyond)
-    call motion%at(instant, basis, jet)
+    jet = motion%at(instant)
     associate (z => jet(1:2) - place%before)
       if (.not. norm2(z - (1.0_wp - jet(3)/norm2(z))*z - (jet(1:2) - place%slider)) < 1.0e-5_wp*motion%largest) return
       place%instants(1) = instant
@@ -166,9 +167,9 @@ contains
     real(wp), intent(in) :: w(2), theta
     !> Slope, and value
     real(wp), intent(out) :: slope, value
-    real(wp) :: basis(2*motion%harmonics + 1), jet(6), distance
+    real(wp) :: jet(6), distance
 
-    call motion%at(theta, basis, jet)
+    jet = motion%at(theta)
     distance = norm2(jet(1:2) - w)
     value = distance - jet(3)
     slope = dot_product(jet(1:2) - w, jet(4:5))/max(distance, tiny(1.0_wp)) - jet(6)
@@ -190,7 +191,8 @@ contains
     gradient = 0.0_wp
     if (place%count == 0) return
     do i = 1, place%count
-      call motion%at(place%instants(i), basis(:, i), jet(:, i))
+      jet(:, i) = motion%at(place%instants(i))
+      basis(:, i) = basis_at(place%instants(i), motion%harmonics)
       e(:, i) = jet(1:2, i) - place%slider
       e(:, i) = e(:, i)/norm2(e(:, i))
       row(:, i) = [e(1, i)*basis(:, i), e(2, i)*basis(:, i), -motion%slope*basis(:, i)]
@@ -215,7 +217,7 @@ contains
       real(wp) :: second(3), aside(2), across(3*k), p, s, kappa, shift, part
       integer :: h
 
-      second = motion%second_at(basis(:, i))
+      second = motion%second_at(place%instants(i))
       aside = [-e(2, i), e(1, i)]
       part = norm2(place%slider - place%before)/jet(3, i)
       p = dot_product(jet(4:5, i), aside)

@@ -5,9 +5,9 @@
 !> with the matrix of Newton's method and a right-hand side for each parameter.
 module attrito_contact_slip_gradient
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
+  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, usual_nodes
   use attrito_contact_panel_rule, only: panel_rule_type
-  use attrito_contact_slip_panel, only: slip_panel_type, factor_panel
+  use attrito_contact_slip_panel, only: slip_panel_type, invert_panel
   implicit none
   private
   public :: differentiate_panel
@@ -25,7 +25,7 @@ contains
     logical, intent(in) :: by_motion
     !> The panel, solved
     type(slip_panel_type), intent(in) :: panel
-    !> Of phi at the nodes [columns, s]
+    !> Of phi at the nodes [s, columns]
     real(wp), intent(out), contiguous :: gradient(:, :)
     !> Does it exist?
     logical, intent(out) :: regular
@@ -52,64 +52,57 @@ contains
     real(wp), intent(out), contiguous :: gradient(:, :)
     !> Does it exist?
     logical, intent(out) :: regular
-    real(wp) :: factors(rule%nodes, rule%nodes), by_u(2), by_r
-    integer :: h, i, k
+    real(wp) :: inverse(rule%nodes, rule%nodes), right(rule%nodes, 4)
+    integer :: harmonics
 
-    call factor_panel(rule, panel, factors, regular)
+    call invert_panel(rule, panel, inverse, regular)
     if (.not. regular) return
-    k = 2*motion%harmonics + 1
-    do i = 1, rule%nodes
-      gradient(:, i) = -panel%scale(i)*panel%jet(3, i)*rule%derivative(i, 0)*before
-      if (.not. by_motion) cycle
-      by_u = panel%scale(i)*panel%length*[-panel%e(2, i), panel%e(1, i)]
-      by_r = -panel%scale(i)*panel%turn(i)*motion%slope
-      associate (g => gradient(:, i), basis => panel%basis(:, i))
-        do h = 1, motion%harmonics
-          g(2*h) = g(2*h) - h*by_u(1)*basis(2*h + 1)
-          g(2*h + 1) = g(2*h + 1) + h*by_u(1)*basis(2*h)
-          g(k + 2*h) = g(k + 2*h) - h*by_u(2)*basis(2*h + 1)
-          g(k + 2*h + 1) = g(k + 2*h + 1) + h*by_u(2)*basis(2*h)
-        end do
-        g(2*k + 1:3*k) = g(2*k + 1:3*k) + by_r*basis(:k)
-      end associate
-    end do
-    call back_substitute(size(gradient, 1), rule%nodes, factors, gradient)
+    right(:, 1) = -panel%scale*panel%jet(:, 3)*rule%derivative(:, 0)
+    right(:, 2) = -panel%scale*panel%length*panel%e(:, 2)
+    right(:, 3) = panel%scale*panel%length*panel%e(:, 1)
+    right(:, 4) = -panel%scale*panel%turn*motion%slope
+    harmonics = merge(motion%harmonics, -1, by_motion)
+    if (rule%nodes == usual_nodes) then
+      call solve(usual_nodes, size(before), harmonics, inverse, right, before, panel%basis, gradient)
+    else
+      call solve(rule%nodes, size(before), harmonics, inverse, right, before, panel%basis, gradient)
+    end if
   end subroutine differentiate_by_rule
 
-  !> x <- x A^-T, of factors.
-  pure subroutine back_substitute(columns, n, factors, x)
-    !> Number of parameters; s
-    integer, intent(in) :: columns, n
-    !> L below the diagonal, and U, with inverses on its own
-    real(wp), intent(in) :: factors(n, n)
-    !> Right-hand sides, then solutions
-    real(wp), intent(inout) :: x(columns, n)
-    integer :: i
+  !> The same on plain arrays, whose size is handed over by value: compilers then make code of its own for the usual one.
+  pure subroutine solve(n, columns, harmonics, inverse, right, before, basis, gradient)
+    !> s; number of parameters; H, or -1 if coefficients of the motion are none of them
+    integer, value :: n, columns, harmonics
+    !> A^-1; what the right-hand sides have of phi at the start, of u_1', u_2' and r
+    real(wp), intent(in) :: inverse(n, n), right(n, 4)
+    !> Of phi at the start; 1, cos, sin, ... at the nodes
+    real(wp), intent(in) :: before(columns), basis(n, *)
+    !> Of phi at the nodes
+    real(wp), intent(out) :: gradient(n, columns)
+    real(wp) :: x(n)
+    integer :: c, h, i, j, k, part
 
-    do i = 2, n
-      call subtract(columns, i - 1, factors(i, :i - 1), x(:, :i - 1), x(:, i))
-    end do
-    do i = n, 1, -1
-      call subtract(columns, n - i, factors(i, i + 1:), x(:, i + 1:), x(:, i))
-      x(:, i) = x(:, i)*factors(i, i)
-    end do
-  end subroutine back_substitute
-
-  !> y <- y - x f, two columns of x at a time.
-  pure subroutine subtract(rows, columns, f, x, y)
-    !> Of x
-    integer, intent(in) :: rows, columns
-    !> Factors; matrix
-    real(wp), intent(in) :: f(columns), x(rows, columns)
-    !> What it is subtracted from
-    real(wp), intent(inout) :: y(rows)
-    integer :: i, j
-
-    do j = 1, columns - 1, 2
-      do i = 1, rows
-        y(i) = y(i) - (f(j)*x(i, j) + f(j + 1)*x(i, j + 1))
+    k = 2*harmonics + 1
+    do c = 1, columns
+      x = before(c)*right(:, 1)
+      if (c <= 3*k) then
+        part = (c - 1)/k + 1
+        j = c - (part - 1)*k
+        h = j/2
+        if (part == 3) then
+          x = x + right(:, 4)*basis(:, j)
+        else if (j > 1) then
+          if (modulo(j, 2) == 0) then
+            x = x - h*right(:, part + 1)*basis(:, j + 1)
+          else
+            x = x + h*right(:, part + 1)*basis(:, j - 1)
+          end if
+        end if
+      end if
+      gradient(:, c) = x(1)*inverse(:, 1)
+      do i = 2, n
+        gradient(:, c) = gradient(:, c) + x(i)*inverse(:, i)
       end do
     end do
-    if (modulo(columns, 2) == 1) y = y - f(columns)*x(:, columns)
-  end subroutine subtract
+  end subroutine solve
 end module attrito_contact_slip_gradient

@@ -15,15 +15,15 @@ module attrito_contact_slip_panel
   use attrito_contact_panel_rule, only: panel_rule_type
   implicit none
   private
-  public :: slip_panel_type, new_slip_panel, solve_panel, factor_panel, direction_at, instant_at
+  public :: slip_panel_type, new_slip_panel, solve_panel, invert_panel
 
   type :: slip_panel_type
     !> Where it begins, its length, and whether the contact opens at its end
     real(wp) :: from = 0.0_wp, length = 0.0_wp
     logical :: opens = .false.
-    !> At the nodes: weight of an integral over theta, u_1, u_2, r and their derivatives [6, s], and 1, cos, sin, ... [e, s]
+    !> At the nodes: weight of an integral over theta, u_1, u_2, r and their derivatives [s, 6], and 1, cos, sin, ... [s, e]
     real(wp), allocatable :: weight(:), jet(:, :), basis(:, :)
-    !> phi at the start and the nodes [0:s], d phi/dx and e at the nodes [s], [2, s]
+    !> phi at the start and the nodes [0:s], d phi/dx and e at the nodes [s], [s, 2]
     real(wp), allocatable :: phi(:), turn(:), e(:, :)
     !> Of each equation: one over the size of its terms, r D, with D of order 20, and what turns the direction [s]
     real(wp), allocatable :: scale(:)
@@ -42,8 +42,8 @@ contains
     type(slip_panel_type) :: self
 
     associate (s => rules%radau%nodes)
-      allocate (self%weight(s), self%jet(6, s), self%basis(coefficients, s))
-      allocate (self%phi(0:s), self%turn(s), self%e(2, s), self%scale(s))
+      allocate (self%weight(s), self%jet(s, 6), self%basis(s, coefficients))
+      allocate (self%phi(0:s), self%turn(s), self%e(s, 2), self%scale(s))
     end associate
   end function new_slip_panel
 
@@ -85,18 +85,15 @@ contains
     type(slip_panel_type), intent(inout) :: panel
     !> Has Newton's method converged?
     logical, intent(out) :: solved
-    integer :: i
 
     panel%weight = rule%weight*panel%length
-    do i = 1, rule%nodes
-      call motion%at(instant_at(panel, rule%x(i)), panel%basis(:, i), panel%jet(:, i))
-      panel%jet(3, i) = max(panel%jet(3, i), 0.0_wp)
-    end do
+    call motion%at_nodes(panel%from + panel%length*rule%x(1:), panel%basis, panel%jet)
+    panel%jet(:, 3) = max(panel%jet(:, 3), 0.0_wp)
     call guess(rule, panel)
     call iterate(rule, tolerance, panel, solved)
     if (.not. solved) return
     panel%turn = matmul(rule%derivative, panel%phi)
-    panel%error = maxval([1.0_wp, 0.2_wp]*abs(matmul(panel%phi, rule%tail)))*maxval(panel%jet(3, :))/motion%largest
+    panel%error = maxval([1.0_wp, 0.2_wp]*abs(matmul(panel%phi, rule%tail)))*maxval(panel%jet(:, 3))/motion%largest
   end subroutine solve_by_rule
 
   !> First guess: from node to node as for u' and r that stay as at the next one, a step of a Riccati equation,
@@ -111,7 +108,7 @@ contains
 
     e = [cos(panel%phi(0)), sin(panel%phi(0))]
     do i = 1, rule%nodes
-      associate (du => panel%jet(4:5, i), r => panel%jet(3, i))
+      associate (du => panel%jet(i, 4:5), r => panel%jet(i, 3))
         speed = sqrt(du(1)**2 + du(2)**2)
         x = 0.5_wp*speed*panel%length*(rule%x(i) - rule%x(i - 1))
         part = 0.0_wp
@@ -127,12 +124,12 @@ contains
         panel%phi(i) = panel%phi(i - 1) + turned
         e = [e(1)*along - e(2)*aside, e(2)*along + e(1)*aside]
         e = [(e(1)*along - e(2)*aside), (e(2)*along + e(1)*aside)]/(along**2 + aside**2)
-        panel%e(:, i) = e
+        panel%e(i, :) = e
       end associate
     end do
   end subroutine guess
 
-  !> Newton's method for phi at the nodes, its last steps with the factors before.
+  !> Newton's method for phi at the nodes, its last steps with the inverse before.
   pure subroutine iterate(rule, tolerance, panel, solved)
     !> Nodes
     type(panel_rule_type), intent(in) :: rule
@@ -143,7 +140,7 @@ contains
     !> Has it converged?
     logical, intent(out) :: solved
 
-    panel%scale = 1.0_wp/(20.0_wp*panel%jet(3, :) + panel%length*(abs(panel%jet(4, :)) + abs(panel%jet(5, :))) + tiny(1.0_wp))
+    panel%scale = 1.0_wp/(20.0_wp*panel%jet(:, 3) + panel%length*(abs(panel%jet(:, 4)) + abs(panel%jet(:, 5))) + tiny(1.0_wp))
     if (rule%nodes == usual_nodes) then
       call find_root(usual_nodes, rule%derivative, tolerance, panel%length, panel%jet, panel%scale, panel%phi, panel%e, solved)
     else
@@ -158,24 +155,24 @@ contains
     !> D; error that the panel may have; length of the panel
     real(wp), intent(in) :: derivative(n, 0:n), tolerance, length
     !> Values and derivatives of the motion at the nodes; scale of the equations
-    real(wp), intent(in) :: jet(6, n), scale(n)
+    real(wp), intent(in) :: jet(n, 6), scale(n)
     !> Directions, the first guess at the nodes before; e there
-    real(wp), intent(inout) :: phi(0:n), e(2, n)
+    real(wp), intent(inout) :: phi(0:n), e(n, 2)
     !> Has it converged?
     logical, intent(out) :: solved
     !> The longest step that is taken whole; one that leads nowhere; the last step's square over the error that a panel may have; a
     !> step so short that the factors before it serve
     real(wp), parameter :: whole = 0.7_wp, lost = 1.0e3_wp, part = 1.0e-4_wp, short = 1.0e-2_wp ! derived
-    real(wp) :: step(n), turn(n), cosine(n), sine(n), u(n), v(n), r(n), factors(n, n), largest, last
+    real(wp) :: step(n), turn(n), cosine(n), sine(n), u(n), v(n), r(n), inverse(n, n), largest, last
     integer :: iteration, j
     logical :: regular
 
     last = sqrt(part*tolerance)
-    r = scale*jet(3, :)
-    u = scale*length*jet(4, :)
-    v = scale*length*jet(5, :)
-    cosine = e(1, :)
-    sine = e(2, :)
+    r = scale*jet(:, 3)
+    u = scale*length*jet(:, 4)
+    v = scale*length*jet(:, 5)
+    cosine = e(:, 1)
+    sine = e(:, 2)
     largest = huge(1.0_wp)
     solved = .false.
     do iteration = 1, 20
@@ -185,10 +182,14 @@ contains
       end do
       step = v*cosine - u*sine - r*turn
       if (largest > short) then
-        call factor(n, derivative(:, 1:), r, u*cosine + v*sine, factors, regular)
+        call invert(n, derivative(:, 1:), r, u*cosine + v*sine, inverse, regular)
         if (.not. regular) return
       end if
-      call back_substitute(n, factors, step)
+      turn = step(1)*inverse(:, 1)
+      do j = 2, n
+        turn = turn + step(j)*inverse(:, j)
+      end do
+      step = turn
       largest = maxval(abs(step))
       if (.not. largest < lost) return
       if (largest > whole) step = step*(whole/largest)
@@ -197,8 +198,8 @@ contains
       solved = largest < last
       if (solved) exit
     end do
-    e(1, :) = cosine
-    e(2, :) = sine
+    e(:, 1) = cosine
+    e(:, 2) = sine
   end subroutine find_root
 
   !> Directions after a step: small ones by the first terms of the series of cosine and sine, up to rounding.
@@ -226,18 +227,39 @@ contains
     sine = along*sine + across*square
   end subroutine turn_by
 
-  !> Factors of r D + h (u'.e) without exchanging rows: D needs no exchange, and the rest is added to the diagonal.
-  pure subroutine factor(n, derivative, r, diagonal, a, regular)
+  !> Inverse of a solved panel's linearised equations [s, s].
+  pure subroutine invert_panel(rule, panel, inverse, regular)
+    !> Nodes
+    type(panel_rule_type), intent(in) :: rule
+    !> The panel
+    type(slip_panel_type), intent(in) :: panel
+    !> Its inverse
+    real(wp), intent(out), contiguous :: inverse(:, :)
+    !> Does it exist?
+    logical, intent(out) :: regular
+    real(wp) :: along(rule%nodes)
+
+    along = panel%scale*panel%length*(panel%jet(:, 4)*panel%e(:, 1) + panel%jet(:, 5)*panel%e(:, 2))
+    if (rule%nodes == usual_nodes) then
+      call invert(usual_nodes, rule%derivative(:, 1:), panel%scale*panel%jet(:, 3), along, inverse, regular)
+    else
+      call invert(rule%nodes, rule%derivative(:, 1:), panel%scale*panel%jet(:, 3), along, inverse, regular)
+    end if
+  end subroutine invert_panel
+
+  !> Inverse of r D + h (u'.e) without exchanging rows: D needs no exchange, and the rest is added to the diagonal.
+  pure subroutine invert(n, derivative, r, diagonal, a, regular)
     !> s
     integer, value :: n
     !> D without its first column; what it is multiplied by; what is added
     real(wp), intent(in) :: derivative(n, n), r(n), diagonal(n)
-    !> L below the diagonal, and U, with inverses on its own
+    !> The inverse
     real(wp), intent(out) :: a(n, n)
-    !> Do they exist?
+    !> Does it exist?
     logical, intent(out) :: regular
     !> A pivot that is none
     real(wp), parameter :: singular = 1.0e-12_wp ! derived
+    real(wp) :: column(n)
     integer :: i, j
 
     do j = 1, n
@@ -247,71 +269,14 @@ contains
     do j = 1, n
       regular = abs(a(j, j)) > singular
       if (.not. regular) return
-      a(j, j) = 1.0_wp/a(j, j)
-      a(j + 1:, j) = a(j + 1:, j)*a(j, j)
-      do i = j + 1, n
-        a(j + 1:, i) = a(j + 1:, i) - a(j, i)*a(j + 1:, j)
+      column = a(:, j)
+      a(:, j) = 0.0_wp
+      a(j, j) = 1.0_wp
+      a(j, :) = a(j, :)/column(j)
+      column(j) = 0.0_wp
+      do i = 1, n
+        a(:, i) = a(:, i) - a(j, i)*column
       end do
     end do
-  end subroutine factor
-
-  !> x <- A^-1 x, of factors.
-  pure subroutine back_substitute(n, factors, x)
-    !> s
-    integer, value :: n
-    !> L below the diagonal, and U
-    real(wp), intent(in) :: factors(n, n)
-    !> Right-hand side, then solution
-    real(wp), intent(inout) :: x(n)
-    integer :: j
-
-    do j = 1, n - 1
-      x(j + 1:) = x(j + 1:) - x(j)*factors(j + 1:, j)
-    end do
-    do j = n, 1, -1
-      x(j) = x(j)*factors(j, j)
-      x(:j - 1) = x(:j - 1) - x(j)*factors(:j - 1, j)
-    end do
-  end subroutine back_substitute
-
-  !> Factors of a solved panel's linearised equations [s, s].
-  pure subroutine factor_panel(rule, panel, factors, regular)
-    !> Nodes
-    type(panel_rule_type), intent(in) :: rule
-    !> The panel
-    type(slip_panel_type), intent(in) :: panel
-    !> L below the diagonal, and U
-    real(wp), intent(out) :: factors(:, :)
-    !> Do they exist?
-    logical, intent(out) :: regular
-
-    call factor(rule%nodes, rule%derivative(:, 1:), panel%scale*panel%jet(3, :), &
-                panel%scale*panel%length*(panel%jet(4, :)*panel%e(1, :) + panel%jet(5, :)*panel%e(2, :)), factors, regular)
-  end subroutine factor_panel
-
-  !> phi at some part of the panel.
-  pure real(wp) function direction_at(panel, rules, x) result(phi)
-    !> The panel, solved
-    type(slip_panel_type), intent(in) :: panel
-    !> Rules of panels
-    type(disc_rules_type), intent(in) :: rules
-    !> From 0 to 1
-    real(wp), intent(in) :: x
-
-    if (panel%opens) then
-      phi = rules%gauss%interpolate(panel%phi, x)
-    else
-      phi = rules%radau%interpolate(panel%phi, x)
-    end if
-  end function direction_at
-
-  !> Angle of the period at some part of the panel.
-  pure real(wp) function instant_at(panel, x) result(theta)
-    !> The panel
-    type(slip_panel_type), intent(in) :: panel
-    !> From 0 to 1
-    real(wp), intent(in) :: x
-
-    theta = panel%from + panel%length*x
-  end function instant_at
+  end subroutine invert
 end module attrito_contact_slip_panel

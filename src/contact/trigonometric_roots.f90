@@ -8,7 +8,7 @@ module attrito_contact_trigonometric_roots
   use attrito_core_trigonometric, only: basis_at, value_at
   implicit none
   private
-  public :: trigonometric_grid_type, new_grid, roots_of, roots_by_column, root_between, differentiate
+  public :: trigonometric_grid_type, new_grid, roots_of, roots_from_samples, roots_by_column, root_between, differentiate
 
   type :: trigonometric_grid_type
     !> Grid points, from 0 to 2 pi, both included [M]
@@ -62,6 +62,22 @@ contains
 
     roots = roots_by_column(reshape(coefficients, [size(coefficients), 1]), grid)
   end function roots_of
+
+  !> The same of a polynomial whose values and slopes on the grid are known.
+  function roots_from_samples(coefficients, theta, values, slopes) result(roots)
+    !> Coefficients; grid, values and slopes there
+    real(wp), intent(in) :: coefficients(:), theta(:), values(:), slopes(:)
+    real(wp), allocatable :: roots(:)
+    real(wp) :: found(2*size(theta)), derivative(size(coefficients)), f(size(theta))
+    integer :: count
+
+    call differentiate(coefficients, derivative)
+    ! A root on a grid point belongs to the step before it: what counts there is the sign after it.
+    f = merge(sign(tiny(1.0_wp), slopes), values, abs(values) <= 0.0_wp)
+    count = 0
+    call collect(coefficients, derivative, theta, f, slopes, found, count)
+    roots = found(:count)
+  end function roots_from_samples
 
   !> Every root at which one of several polynomials changes sign, unordered.
   function roots_by_column(coefficients, grid) result(roots)

@@ -3,7 +3,7 @@ module attrito_core_lapack
   use attrito_core_kinds, only: sp, wp
   implicit none
   private
-  public :: multiply_by_transpose, transposed_product, product_with_few, subtract_product, times_vector
+  public :: multiply_by_transpose, add_transposed_product, transposed_product, product_with_few, subtract_product, times_vector
   public :: solve_dense, factor_dense, solve_factored, invert, symmetric_eigenpairs
   public :: eigenvalues_of, complex_eigenvalues_of, singular_values, complex_singular_values, null_space
 
@@ -217,6 +217,18 @@ contains
 
     call dgemm('N', 'T', m, n, k, 1.0_wp, a, m, b, n, 0.0_wp, c, m)
   end subroutine multiply_by_transpose
+
+  !> c <- c + a^T b, of the first rows of both.
+  subroutine add_transposed_product(m, n, k, a, rows_a, b, rows_b, c)
+    !> Rows, columns, or inner dimension; rows that a and b have
+    integer, intent(in) :: m, n, k, rows_a, rows_b
+    !> [k of rows_a, m], [k of rows_b, n] and [m, n]
+    real(wp), intent(in) :: a(rows_a, m), b(rows_b, n)
+    !> Matrix C of the operation
+    real(wp), intent(inout) :: c(m, n)
+
+    call dgemm('T', 'N', m, n, k, 1.0_wp, a, rows_a, b, rows_b, 1.0_wp, c, m)
+  end subroutine add_transposed_product
 
   function transposed_product_single(a, b) result(c)
     !> [n, p]

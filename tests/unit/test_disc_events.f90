@@ -3,7 +3,7 @@ program test_disc_events
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_disc_motion, only: disc_rules_type, new_disc_rules
+  use attrito_contact_disc_motion, only: disc_rules_type, new_disc_rules, new_rough_rules
   use attrito_contact_forces, only: contact_forces_type, released
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
@@ -25,6 +25,7 @@ program test_disc_events
                 test('samples converge to the events, in contact and through landing', samples_converge), &
                 test('usual panels have the forces of fine ones to 1e-8, of 200 random motions', usual_panels), &
                 test('forces beyond the motion''s own harmonics are those of fine panels', forces_beyond), &
+                test('rough rules have the forces of fine ones to three digits', rough_rules), &
                 test('along a line they are those of one tangent to rounding', one_tangent), &
                 test('a contact that slips has the Jacobian of differences', slipping), &
                 test('a contact that opens and lands, slipping or sticking, has the Jacobian of differences', lift_off), &
@@ -149,6 +150,32 @@ contains
       call check_close(error, usual%deviation, fine%deviation, 1.0e-5_wp*maxval(abs(fine%deviation)), 'deviation')
     end do
   end subroutine forces_beyond
+
+  !> Harmonics of the motion beyond h come to 1e-7 of it, so that they are left out.
+  subroutine rough_rules(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(contact_forces_type) :: rough, fine
+    real(wp), allocatable :: motion(:, :)
+    logical :: done
+    integer :: h, k, seed, slip
+
+    slip = 0
+    do seed = 1, 60
+      h = 1 + modulo(seed, 7)
+      k = 6*h + 1
+      allocate (motion(k, 3), source=1.0e-9_wp/k)
+      motion(:2*h + 1, :) = motion_of(h, seed, 0.4_wp + 0.1_wp*modulo(seed, 20), 0.1_wp + 0.1_wp*modulo(seed, 10))
+      fine = forces_of(new_disc_rules(3*h, many, tight), motion, [0.0_wp, 0.0_wp], .false.)
+      rough = contact_forces_type(without_jacobian=.true.)
+      allocate (rough%deviation(k, 3))
+      call evaluate_contact_by_disc_events(law, new_rough_rules(3*h), motion, [0.0_wp, 0.0_wp], .false., rough, done)
+      call check(error, done .and. rough%state == fine%state, 'states differ')
+      call check_close(error, rough%deviation, fine%deviation, 1.0e-3_wp*maxval(abs(fine%deviation)), 'deviation')
+      if (fine%state == state_slipping) slip = slip + 1
+      deallocate (motion)
+    end do
+    call check(error, slip > 40, 'too few slip: the test is void')
+  end subroutine rough_rules
 
   subroutine one_tangent(error)
     type(error_type), allocatable, intent(out) :: error
@@ -337,7 +364,7 @@ contains
       motion = motion_of(3, seed, 2.0_wp, 1.0_wp)
       do i = 1, 4
         d = 10.0_wp**(-2*i)
-        low = minval(matmul(rules%grid%values, motion(:, 3)))
+        low = minval(matmul(rules%grids(1)%values, motion(:, 3)))
         motion(1, 3) = motion(1, 3) - low
         opens = forces_of(rules, pressed(motion, -d), [0.0_wp, 0.0_wp], .false.)
         closed = forces_of(rules, pressed(motion, d), [0.0_wp, 0.0_wp], .false.)
