@@ -66,8 +66,9 @@ module attrito_continuation_stepper
     type(predictor_type), private :: predictor
     !> Of the last step taken
     type(secant_type), private :: secant
-    !> Steps in a row in which hardly more than mean positions changed
+    !> Steps in a row in which hardly more than mean positions changed, and what the last step changed of the drawn curve
     integer, private :: drifting = 0
+    real(wp), private :: change = 0.0_wp
     !> Of the step that was examined last: distance of the branch from the arc, relative to what is another branch's
     real(wp), private :: off = 0.0_wp
   contains
@@ -392,10 +393,10 @@ contains
     self%path_before = self%path
     self%path = self%path + self%last%length
     self%hidden%turn_into_mean = .false.
+    self%change = 0.0_wp
     if (point%is_known()) then
-      if (self%last%is_taken()) then
-        call self%hidden%add(change_to(self, solver, point), self%tolerance, self%last%across%share, tangent%share)
-      end if
+      self%change = change_to(self, solver, point)
+      if (self%last%is_taken()) call self%hidden%add(self%change, self%tolerance, self%last%across%share, tangent%share)
       call stand_at(self, tangent, point)
     end if
     self%here = point
@@ -440,7 +441,8 @@ contains
     self%size = next_length(self%size, error)
   end subroutine adapt
 
-  !> Does the branch go on in mean positions alone, which is its end?
+  !> Does the branch go on in mean positions alone, which is its end? Steps that the drawn curve shows lead on, however much the means
+  !> change by them.
   logical function is_drifting(self, solver)
     class(stepper_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
@@ -450,7 +452,7 @@ contains
 
     share = share_of_harmonics(solver, self%secant%motion, self%secant%omega)
     is_free = solver%context%balance%free%leaves_motion .and. none_holds(solver%context%balance)
-    self%drifting = merge(self%drifting + 1, 0, moves_mean_alone(share, is_free))
+    self%drifting = merge(self%drifting + 1, 0, moves_mean_alone(share, is_free) .and. self%change < self%tolerance)
     is_drifting = self%drifting >= branch_steps_in_a_row
     if (is_drifting) self%drifting = 0
   end function is_drifting

@@ -15,7 +15,7 @@
 !> | ends of the periods of a window of motion in time | 7 or more | 0.01 | errors of a period's steps | x_n | 3 windows in a row |
 !> | means of solutions with springs on them (steps times their stiffness) | 2 | 1e-3 | 1e-12 | x_n | the first time |
 !> | the same within one solve, only to end it early | 2 | 0.5 | 1e-12 | x_n | the first time |
-!> | points of a branch, by gamma: 0.5 where no contact holds, else 1e-3 | | | | | 6 steps in a row |
+!> | steps of a branch that hardly show, by gamma: 0.5 where no contact holds, else 1e-3 | | | | | 6 in a row |
 !>
 !> *A branch that turns into mean positions.* On the way to such an end gamma falls like the square root of what is left of the drawn
 !> curve, and no step beyond the end converges. It ends here if by steps that together hardly show on that curve, the last one at the

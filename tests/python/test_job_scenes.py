@@ -131,6 +131,19 @@ def test_the_damper_has_a_best_excitation_and_lowers_the_frequency_as_it_slips(d
     assert low_hz > middle_hz > high_hz
 
 
+def test_a_branch_goes_on_whose_means_move_far_while_the_curve_shows_its_steps(damper):
+    # From 467 to 452 Hz every contact comes to its limit, and six steps in a row are mean positions for the most part.
+    changes = ('balance.quadrature="exact"', "sweep.levels=[0.1]", "sweep.stop_hz=440.0", 'output.file="exact.h5"')
+    done = attrito(damper, "run", "job.toml", *(word for change in changes for word in ("--set", change)))
+    assert done.returncode == 0, done.stderr
+    assert "ends at" not in done.stderr
+    rows = list(csv.DictReader(io.StringIO(attrito(damper, "table", "exact.h5").stdout)))
+    assert {row["outcome"] for row in rows} == {"converged"}
+    frequencies = [float(row["frequency_hz"]) for row in rows]
+    assert all(after < before for before, after in pairwise(frequencies))
+    assert frequencies[-1] == pytest.approx(440.0)
+
+
 def test_the_free_damper_s_reduced_model_has_the_stuck_frequencies_of_the_full_one(damper):
     scene = build_scene(read_job(damper / "job.toml"))
     rows, laws = scene.contacts.rows, scene.contacts.laws
