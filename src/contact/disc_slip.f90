@@ -42,7 +42,7 @@ contains
     logical :: solved, stops, lasts
 
     jet = motion%at(theta)
-    speed = speed_of(jet, state%phi)
+    speed = speed_of(jet(4:), state%phi)
     length = rules%longest
     turn = abs(jet(5)*cos(state%phi) - jet(4)*sin(state%phi))
     if (jet(3) > motion%negligible .and. turn*length > first_turn*jet(3)) length = first_turn*jet(3)/turn
@@ -77,7 +77,7 @@ contains
       if (record%failed) return
       theta = merge(to, theta + length, lasts)
       length = min(rules%longest, length*min(2.0_wp, max(0.5_wp, wanted())))
-      speed = speed_of(panel%jet(size(panel%weight), :), state%phi)
+      speed = speed_of(panel%jet(size(panel%weight), 4:), state%phi)
     end do
     call record%add_interval(to, regime_slip, state)
 
@@ -115,8 +115,8 @@ contains
 
   !> Speed at which |z| - r would grow in stick: slip lasts while it is positive.
   pure real(wp) function speed_of(jet, phi) result(speed)
-    !> u_1, u_2, r and their derivatives; direction of slip
-    real(wp), intent(in) :: jet(6), phi
+    !> u_1', u_2', r'; direction of slip
+    real(wp), intent(in) :: jet(4:6), phi
 
     speed = jet(4)*cos(phi) + jet(5)*sin(phi) - jet(6)
   end function speed_of
@@ -194,7 +194,7 @@ contains
       real(wp), intent(in) :: left, right, at_left, at_right
       !> A speed that is none, over the largest: its square is rounding
       real(wp), parameter :: none = 1.0e-10_wp ! derived
-      real(wp) :: low, high, f_low, f_high, f, rate
+      real(wp) :: low, high, f_low, f_high, f, rate, jet(6)
       integer :: iteration, side
 
       low = left
@@ -220,7 +220,8 @@ contains
           side = -1
         end if
       end do
-      x = x - speed_of(motion%at(panel%from + panel%length*x), rule%interpolate(panel%phi, x))/rate
+      jet = motion%at(panel%from + panel%length*x)
+      x = x - speed_of(jet(4:), rule%interpolate(panel%phi, x))/rate
       x = min(max(x, left), right)
     end function zero_between
   end subroutine find_stop_by_rule

@@ -21,7 +21,7 @@ module attrito_contact_slip_panel
     !> Where it begins, its length, and whether the contact opens at its end
     real(wp) :: from = 0.0_wp, length = 0.0_wp
     logical :: opens = .false.
-    !> At the nodes: weight of an integral over theta, u_1, u_2, r and their derivatives [s, 6], and 1, cos, sin, ... [s, e]
+    !> At the nodes: weight of an integral over theta, r, u_1', u_2', r' [s, 3:6], and 1, cos, sin, ... [s, e]
     real(wp), allocatable :: weight(:), jet(:, :), basis(:, :)
     !> phi at the start and the nodes [0:s], d phi/dx and e at the nodes [s], [s, 2]
     real(wp), allocatable :: phi(:), turn(:), e(:, :)
@@ -42,7 +42,7 @@ contains
     type(slip_panel_type) :: self
 
     associate (s => rules%radau%nodes)
-      allocate (self%weight(s), self%jet(s, 6), self%basis(s, coefficients))
+      allocate (self%weight(s), self%jet(s, 3:6), self%basis(s, coefficients))
       allocate (self%phi(0:s), self%turn(s), self%e(s, 2), self%scale(s))
     end associate
   end function new_slip_panel
@@ -155,7 +155,7 @@ contains
     !> D; error that the panel may have; length of the panel
     real(wp), intent(in) :: derivative(n, 0:n), tolerance, length
     !> Values and derivatives of the motion at the nodes; scale of the equations
-    real(wp), intent(in) :: jet(n, 6), scale(n)
+    real(wp), intent(in) :: jet(n, 3:6), scale(n)
     !> Directions, the first guess at the nodes before; e there
     real(wp), intent(inout) :: phi(0:n), e(n, 2)
     !> Has it converged?
