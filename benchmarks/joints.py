@@ -243,8 +243,9 @@ def measure(folder: Path, settings: list[str], limit: int) -> Row:
     row["points"], row["iterations"] = len(points), sum(int(point["iterations"]) for point in points)
     row["outcomes"] = {name: outcomes.count(name) for name in sorted(set(outcomes))}
     row["turns"] = len(rows_of(folder, file, "--bifurcations"))
-    # A sweep that leaves its branch goes on with the next number, and says why in its log.
-    ends = [a["frequency_hz"] for a, b in itertools.pairwise(points) if a["branch"] != b["branch"]]
+    # A sweep that leaves its branch goes on with the next number, and says why in its log. A point not solved has none.
+    solved = [point for point in points if point["outcome"] not in {"no_period_one_orbit", "not_converged"}]
+    ends = [a["frequency_hz"] for a, b in itertools.pairwise(solved) if a["branch"] != b["branch"]]
     stop = read_job(str(folder / "job.toml"))["sweep"]["stop_hz"]
     at_stop = bool(points) and abs(float(points[-1]["frequency_hz"]) / stop - 1.0) < 1e-6
     log = (folder / "run.log").read_text().splitlines()

@@ -52,6 +52,8 @@ module attrito_continuation_sweep
     logical, private :: on_branch = .false.
     type(stored_points_type), private :: start
     integer, private :: steps = 0
+    !> The point beyond a lost branch that the present one was found by: it begins there if it is lost on the way
+    type(stored_points_type), private :: found
     !> Harmonics and samples that it began with
     integer, private :: resolution(2) = 0
     !> The extreme angular frequency that the sweep has reached
@@ -120,6 +122,7 @@ contains
     call store%keep(self%one_branch)
     call store%keep(self%on_branch)
     call self%start%keep(store)
+    call self%found%keep(store)
     call store%keep(self%steps)
     call store%keep(self%reach)
     call store%keep(self%resolution(1))
@@ -131,6 +134,7 @@ contains
     class(sweep_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    integer :: branch
 
     if (self%points > 0 .and. .not. self%in_silence) call self%stepper%share_out(solver)
     if (self%points == 0 .and. self%one_branch) then
@@ -138,8 +142,9 @@ contains
     else if (self%points == 0) then
       call begin_at(self, solver, self%range%start, .false.)
     else if (self%on_branch .and. .not. is_back_at_start(self, solver)) then
+      branch = self%branch
       call follow(self, solver)
-      call watch_closing(self, solver)
+      if (self%branch == branch) call watch_closing(self, solver)
     else
       call begin_past(self, solver)
     end if
@@ -248,6 +253,10 @@ contains
       return
     end if
     call solver%set_resolution(self%resolution(1), self%resolution(2))
+    if (is_ahead(self)) then
+      call begin_at_found(self, solver)
+      return
+    end if
     do
       call solver%rest()
       call begin_at(self, solver, reach + gap*self%range%width(), &
@@ -256,9 +265,35 @@ contains
       if (self%on_branch .or. self%finished) exit
       gap = 2.0_wp*gap
     end do
-    if (self%on_branch) call go_back(self, solver, lost)
+    if (self%on_branch) then
+      call go_back(self, solver, lost)
+      self%reach = reach
+    end if
     solver%report%iterations = iterations + solver%report%iterations
   end subroutine begin_past
+
+  !> Was the last branch found at a frequency that it has not come to?
+  pure logical function is_ahead(self)
+    type(sweep_type), intent(in) :: self
+
+    is_ahead = self%found%count > 0
+    if (is_ahead) is_ahead = (self%found%points(1)%omega - self%reach)*self%range%width() > 0.0_wp
+  end function is_ahead
+
+  !> Begin a branch where the last one was found: members of a family that end elsewhere lead there and back, again and again.
+  subroutine begin_at_found(self, solver)
+    type(sweep_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+
+    call self%found%restore_point(solver, 1)
+    call self%found%drop_from(1)
+    call self%stepper%begin(sign(1.0_wp, self%range%width()))
+    self%closed = .false.
+    self%steps = 0
+    call note_end(self, solver%omega)
+    call begin_here(self, solver)
+  end subroutine begin_at_found
 
   !> Follow the branch through the solver's point back, in silence, to where it ends or meets the one that was lost, and begin there.
   subroutine go_back(self, solver, lost)
@@ -270,11 +305,11 @@ contains
     type(sweep_type) :: back
     type(snapshot_type) :: last
     type(tangent_type) :: onward
-    type(predictor_type) :: found
-    real(wp) :: reach
+    type(predictor_type) :: ahead
     integer :: iterations
 
-    reach = self%reach
+    call self%found%drop_from(1)
+    call self%found%add(solver, .false.)
     back = new_branch_sweep(solver, self%range%start, self%range%stop, frequency_tangent(solver, -self%stepper%direction), &
                             self%branch, most_back)
     back%stepper%tolerance = self%stepper%tolerance
@@ -285,7 +320,7 @@ contains
       call back%advance(solver)
       iterations = iterations + solver%report%iterations
       if (.not. solver%report%converged) exit
-      if (back%points > 1) call found%put_ahead(last%motion, last%omega)
+      if (back%points > 1) call ahead%put_ahead(last%motion, last%omega)
       call last%take(solver)
       if (back%points > 1 .and. is_same(solver, lost, back%stepper%last%from%omega)) exit
     end do
@@ -293,13 +328,12 @@ contains
       onward = back%stepper%tangent_backwards(solver)
       call self%stepper%begin(sign(1.0_wp, onward%omega))
       self%stepper%tangent = onward
-      call self%stepper%take_ahead(found)
+      call self%stepper%take_ahead(ahead)
       self%finished = .false.
       self%reached_stop = .false.
     end if
     call restore(solver, last)
     call begin_here(self, solver)
-    self%reach = reach
     solver%report%iterations = iterations + solver%report%iterations
   end subroutine go_back
 
