@@ -5,7 +5,7 @@ module attrito_core_exhausted
   use, intrinsic :: iso_c_binding, only: c_associated, c_f_procpointer, c_funptr, c_int, c_int64_t, c_ptr, c_size_t
   implicit none
   private
-  public :: tell_of_exhaustion
+  public :: tell_of_exhaustion, expect_exhaustion
 
   !> Of a process that the input ends
   integer(c_int), parameter :: input_at_fault = 2
@@ -45,6 +45,8 @@ module attrito_core_exhausted
   end interface
 
   procedure(exhausted_callback), pointer :: listener => null()
+  !> Does the caller look at what it is given?
+  logical :: is_expected = .false.
 
 contains
 
@@ -55,6 +57,14 @@ contains
 
     call c_f_procpointer(procedure, listener)
   end subroutine tell_of_exhaustion
+
+  !> From here on the caller looks at what it is given, or no longer.
+  subroutine expect_exhaustion(expected)
+    !> Does it?
+    logical, intent(in) :: expected
+
+    is_expected = expected
+  end subroutine expect_exhaustion
 
   !> As C's.
   type(c_ptr) function wrapped_malloc(bytes) bind(c, name='__wrap_malloc')
@@ -85,11 +95,12 @@ contains
     if (.not. c_associated(wrapped_realloc) .and. bytes /= 0) call give_up(bytes)
   end function wrapped_realloc
 
-  !> End the process.
+  !> End the process, unless the caller sees to it.
   subroutine give_up(bytes)
     !> That were asked for
     integer(c_size_t), intent(in) :: bytes
 
+    if (is_expected) return
     if (associated(listener)) call listener(int(bytes, c_int64_t))
     call c_exit(input_at_fault)
   end subroutine give_up

@@ -8,6 +8,7 @@
 module attrito_reduce_complex_schur
   use attrito_core_communicator, only: communicator_type
   use attrito_core_errors, only: error_type, raise
+  use attrito_core_exhausted, only: expect_exhaustion
   use attrito_core_kinds, only: wp
   implicit none
   include 'zmumps_struc.h'
@@ -102,7 +103,9 @@ contains
 
     kept = 0
     if (self%ranks%is_root()) kept = self%mumps%size_schur
+    call expect_exhaustion(.true.)
     allocate (self%mumps%schur(kept*kept), schur(kept, kept), stat=status)
+    call expect_exhaustion(.false.)
     if (self%ranks%largest(real(abs(status), wp)) > 0.0_wp) then
       call raise(error, cannot//'(no memory for the result)')
     else

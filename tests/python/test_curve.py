@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from pathlib import Path
 
 import h5py
@@ -144,8 +145,9 @@ def test_a_branch_in_pieces_is_followed_in_a_bounded_number_of_tries(seed, tange
         solver.follow_static_path(verdicts.PATH, verdicts.STATIC_STEPS, ends["start_hz"])
         points = list(solver.sweep(ends["start_hz"], ends["stop_hz"], 1.0, 0, 60))
     assert all(point.outcome in ("converged", "above_tolerance") for point in points)
-    # Some thirty tries of a step, thirty iterations each, are the most that a point takes.
-    assert max(point.iterations for point in points) < 1000
+    # Some thirty tries of a step, thirty iterations each, are the most that a point takes. One that begins a branch
+    # has the iterations of the search, and of the way back to there.
+    assert max(b.iterations for a, b in itertools.pairwise(points) if a.branch == b.branch) < 1000
 
 
 def test_bifurcations_of_a_branch_in_pieces_are_looked_for_at_frequencies_that_exist():

@@ -29,6 +29,7 @@ from attrito.model.model_file import read_model
 from attrito.runs.progress import Progress
 from attrito.scene.rom_file import receptance_errors
 from attrito.support.errors import NumericsError
+from attrito.support.own_folders import MARK
 
 REPOSITORY = Path(__file__).parents[2]
 
@@ -417,7 +418,7 @@ def test_what_another_reduction_left_is_not_taken_up(middling):
     boundary = flanks(middling)[:30]
     steps = middling / "other.h5.steps"
     steps.mkdir()
-    (steps / "fingerprint").write_text("of another")
+    (steps / MARK).write_text("attrito intermediate files 1\nof another\n")
     (steps / "constraint_000001_000030.h5").write_text("no columns")
     files = middling / "model.h5", middling / "other.h5"
     reduce_model(MPI.COMM_WORLD, *files, boundary, Options(modes=3), fingerprint="mine")
