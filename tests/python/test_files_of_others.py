@@ -18,7 +18,9 @@ from rubbing_fit import measured, rubbing, write_fit
 import attrito.fits.run as fits_run
 import attrito.studies.run as studies_run
 from attrito.results.journal import MAGIC, Journal, Record, read_journal
+from attrito.support.errors import InputError
 from attrito.support.locks import Lock
+from attrito.support.own_folders import MARK, owner_of, take_folder
 
 JOB = wedge(force=1.0) | {
     "sweep": {"start_hz": 150.0, "stop_hz": 85.0},
@@ -198,7 +200,9 @@ def test_an_output_that_cannot_be_written_is_told_before_anything_is_solved(fold
 
 TAKES = """
 import sys
+from attrito.support.errors import InputError
 from attrito.support.locks import Lock
+from attrito.support.own_folders import MARK, owner_of, take_folder
 lock = Lock(sys.argv[1])
 assert lock.take("mine") and Lock(sys.argv[1]).is_held()
 lock.release()
@@ -224,3 +228,28 @@ def test_a_lock_that_a_dead_process_of_another_user_has_left_does_not_block(stic
         assert lock.take()
         lock.release()
         assert not left.exists()
+
+
+def test_a_file_of_others_in_the_place_of_a_lock_keeps_its_mode(tmp_path):
+    theirs = tmp_path / "result.h5.lock"
+    theirs.write_text("mine")
+    theirs.chmod(0o600)
+    with pytest.raises(InputError):
+        Lock(tmp_path / "result.h5").take()
+    assert theirs.read_text() == "mine" and theirs.stat().st_mode & 0o777 == 0o600
+
+
+def test_an_empty_mark_makes_a_folder_attritos_only_if_there_is_nothing_else(tmp_path):
+    place = tmp_path / "study.h5.parts"
+    place.mkdir()
+    (place / MARK).write_text("")
+    (place / "thesis").mkdir()
+    with pytest.raises(InputError):
+        take_folder(place, "mine")
+    (place / "thesis").rmdir()
+    take_folder(place, "mine")
+    (place / "batch").write_text("half")
+    take_folder(place, "mine")
+    assert (place / "batch").exists()
+    take_folder(place, "another")
+    assert owner_of(place) == "another" and [entry.name for entry in place.iterdir()] == [MARK]

@@ -6,8 +6,8 @@ in the modes, the others stick. Of a wheel these are the modes of each nodal dia
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -148,7 +148,7 @@ def _without_recovery(job: Job, scene):
     return replace(scene, recovered=np.empty(0, dtype=np.int64)) if "reduction" in job.given else scene
 
 
-@contextmanager
+@contextlib.contextmanager
 def _folder(comm: Comm, job: Job) -> Iterator[str]:
     """A folder of the diagram's own, which has been locked; removed at the end, or what a killed process left of it."""
 
@@ -158,7 +158,9 @@ def _folder(comm: Comm, job: Job) -> Iterator[str]:
         yield folder
     finally:
         if comm.rank == 0:
-            remove_folder(folder)
+            with contextlib.suppress(OSError):
+                # What cannot be removed is taken up by the next one.
+                remove_folder(folder)
 
 
 def engine_orders(job: Job) -> list[int]:

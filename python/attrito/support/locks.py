@@ -92,17 +92,19 @@ class Lock:
     def _open(self) -> int:
         """The file; of another user, who may be gone, it is opened for reading, which is enough to lock it."""
         flags = os.O_NOFOLLOW | os.O_CLOEXEC
-        try:
-            descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | flags, 0o666)
-        except PermissionError as error:
-            try:
-                return os.open(self.path, os.O_RDONLY | flags)
-            except FileNotFoundError:
-                raise error from None
-        with contextlib.suppress(PermissionError):
-            # Whatever the umask: others must see whether it is held.
-            os.fchmod(descriptor, 0o666)
-        return descriptor
+        while True:
+            with contextlib.suppress(FileExistsError):
+                descriptor = os.open(self.path, os.O_RDWR | os.O_CREAT | os.O_EXCL | flags, 0o666)
+                with contextlib.suppress(PermissionError):
+                    # Whatever the umask: others must see whether it is held. Of a file that was there the mode stays.
+                    os.fchmod(descriptor, 0o666)
+                return descriptor
+            with contextlib.suppress(FileNotFoundError):
+                # It may be removed in the meantime.
+                try:
+                    return os.open(self.path, os.O_RDWR | flags)
+                except PermissionError:
+                    return os.open(self.path, os.O_RDONLY | flags)
 
     def note(self) -> str:
         """What the holder wrote; empty where there is none, or it has not written yet."""

@@ -36,9 +36,12 @@ def take_folder(folder: str | os.PathLike[str], owner: str) -> None:
             raise InputError(Fault(str(place), "folder", "in the way", expected))
         if there and there == owner:
             return
-        shutil.rmtree(place)
+        _remove(place)
     place.mkdir(parents=True)
-    (place / MARK).write_text(f"{_MAGIC}{owner}\n")
+    with (place / MARK).open("w") as mark:
+        mark.write(f"{_MAGIC}{owner}\n")
+        mark.flush()
+        os.fsync(mark.fileno())
 
 
 def owner_of(folder: str | os.PathLike[str]) -> str | None:
@@ -49,16 +52,27 @@ def owner_of(folder: str | os.PathLike[str]) -> str | None:
     try:
         text = (place / MARK).read_text()
     except FileNotFoundError:
-        # As a process that was killed leaves it.
-        return None if any(place.iterdir()) else ""
+        text = ""
     except ValueError:
         return None
     if not text.startswith(_MAGIC):
-        return "" if _MAGIC.startswith(text) else None
+        # As a process leaves it that was killed while it made or removed it: with nothing else.
+        return "" if _MAGIC.startswith(text) and {entry.name for entry in place.iterdir()} <= {MARK} else None
     return text.removeprefix(_MAGIC).removesuffix("\n")
 
 
 def remove_folder(folder: str | os.PathLike[str]) -> None:
     """Remove a folder of attrito's; anything else of this name stays."""
     if owner_of(folder) is not None:
-        shutil.rmtree(folder)
+        _remove(Path(folder))
+
+
+def _remove(place: Path) -> None:
+    """Remove a folder, its mark at last: until then it says whose the rest is."""
+    for entry in place.iterdir():
+        if entry.is_dir() and not entry.is_symlink():
+            shutil.rmtree(entry)
+        elif entry.name != MARK:
+            entry.unlink()
+    (place / MARK).unlink(missing_ok=True)
+    place.rmdir()
