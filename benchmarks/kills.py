@@ -119,7 +119,9 @@ def _records(folder: Path) -> list[tuple[dict, dict]]:
     if not journal.is_file() or not is_journal(journal):
         return []
     records = [record for record, _ in read_journal(str(journal))]
-    return [(one.note, {name: values.tobytes() for name, values in one.arrays.items()}) for one in records[1:]]
+    # What is found of a point afterwards has a record of its own, without a place in the run.
+    points = [one for one in records[1:] if "place" in one.note]
+    return [(one.note, {name: values.tobytes() for name, values in one.arrays.items()}) for one in points]
 
 
 def _journal_reads(folder: Path) -> bool:
