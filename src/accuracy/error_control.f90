@@ -100,15 +100,27 @@ contains
     type(sweep_type), intent(inout) :: sweep
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
-    integer :: resolution(2)
+    integer :: resolution(2), branch
 
     resolution = [solver%options%harmonics, solver%options%samples]
+    branch = merge(sweep%branch, -1, sweep%points > 0)
     call sweep%advance(solver)
+    if (sweep%branch /= branch) call begin_branch(self)
     call refine(self, solver, sweep%range)
     call coarsen(self, solver)
     call sweep%set_harmonics(solver%options%harmonics)
     if (any(resolution /= [solver%options%harmonics, solver%options%samples])) call sweep%look_here(solver)
   end subroutine advance
+
+  !> What the points of another branch have shown says nothing of this one.
+  subroutine begin_branch(self)
+    type(error_control_type), intent(inout) :: self
+
+    call self%comparison%forget()
+    self%given_up = 0
+    self%asked = 0
+    self%most_asked = 0
+  end subroutine begin_branch
 
   !> Once several points in a row ask for so little, solve the last of them again on that, in its own plane; back to what it was
   !> if its error then is not accepted.
@@ -232,8 +244,7 @@ contains
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
 
-    call self%comparison%forget()
-    self%given_up = 0
+    call begin_branch(self)
     if (self%first(1) == 0) self%first = [solver%options%harmonics, solver%options%samples]
     if (solver%options%reset_slider) then
       call solver%set_resolution(self%first(1), self%first(2))

@@ -235,7 +235,11 @@ contains
         if (kept%is_next(tries%failures)) exit
         if (.not. kept%is_known) then
           call self%hidden%add_failure()
-          if (ends_here(self, solver)) return
+          if (ends_here(self, solver)) then
+            call restore(solver, before)
+            solver%report%converged = .false.
+            return
+          end if
         end if
         call shorten(self, solver%report%converged .and. is_near(distance), tries)
         call restore(solver, before)
