@@ -1,7 +1,7 @@
 !> C interface of memory that is exhausted.
 module attrito_api_memory
   use, intrinsic :: iso_c_binding, only: c_funptr
-  use attrito_core_exhausted, only: tell_of_exhaustion
+  use attrito_core_exhausted, only: report_exhaustion_to
   implicit none
   private
 
@@ -12,6 +12,6 @@ contains
     !> void f(int64_t bytes)
     type(c_funptr), value :: procedure
 
-    call tell_of_exhaustion(procedure)
+    call report_exhaustion_to(procedure)
   end subroutine attrito_when_exhausted
 end module attrito_api_memory

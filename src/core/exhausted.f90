@@ -5,7 +5,7 @@ module attrito_core_exhausted
   use, intrinsic :: iso_c_binding, only: c_associated, c_f_procpointer, c_funptr, c_int, c_int64_t, c_ptr, c_size_t
   implicit none
   private
-  public :: tell_of_exhaustion, expect_exhaustion
+  public :: report_exhaustion_to, expect_exhaustion
 
   !> Of a process that the input ends
   integer(c_int), parameter :: input_at_fault = 2
@@ -51,12 +51,12 @@ module attrito_core_exhausted
 contains
 
   !> Have a procedure called where memory is exhausted.
-  subroutine tell_of_exhaustion(procedure)
+  subroutine report_exhaustion_to(procedure)
     !> void f(int64_t bytes)
     type(c_funptr), intent(in) :: procedure
 
     call c_f_procpointer(procedure, listener)
-  end subroutine tell_of_exhaustion
+  end subroutine report_exhaustion_to
 
   !> From here on the caller looks at what it is given, or no longer.
   subroutine expect_exhaustion(expected)

@@ -17,8 +17,8 @@ module attrito_newton_condensed_krylov
   private
   public :: krylov_options_type, solve_by_krylov
 
-  !> Beginning again may cost GMRES more than twice the iterations. It does only where its vectors would have more numbers than these,
-  !> and not before it has so many vectors
+  !> Beginning again may cost GMRES more than twice the iterations. It does only if either set of its vectors would have more numbers
+  !> than these, and not before it has so many vectors
   PetscInt, parameter :: most_kept = 10000000, fewest_kept = 100 ! conventional
 
   type :: krylov_options_type
