@@ -127,7 +127,7 @@ contains
     do
       call kept%prepare(balance, stiffening, options%largest_block, is_latest, status)
       if (status /= 0) exit
-      context%preconditioner = new_preconditioner(context%system, kept%mean, kept%of_mean, kept%blocks)
+      context%preconditioner = new_preconditioner(context%system, kept)
       call run(context, min(options%max_iterations, kept%blocks%patience()), step, count, converged, ierr)
       status = merge(0, 1, ierr == 0)
       iterations = iterations + count

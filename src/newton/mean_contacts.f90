@@ -34,6 +34,8 @@ module attrito_newton_mean_contacts
   type, extends(kept_factors_type) :: mean_contacts_type
     !> R'; not allocated where nothing is known to be lost, or damping couples the modes
     class(receptance_type), allocatable :: receptance
+    !> How many have been made
+    integer :: made = 0
     !> Numbers of the rows of B, of all ranks, that have lost something of their springs, ascending, and theta k
     real(wp), allocatable, private :: rows(:), lost(:)
     !> Of the modes last found
@@ -59,6 +61,7 @@ contains
 
     if (.not. self%is_loaded) return
     self%is_loaded = .false.
+    self%made = self%made + 1
     if (size(self%rows) > 0) call balance%receptance%without_springs(nint(self%rows), self%lost, self%receptance)
   end subroutine prepare
 
@@ -90,6 +93,7 @@ contains
     self%rows = real(all, wp)
     self%lost = together(1, :)
     if (allocated(self%receptance)) deallocate (self%receptance)
+    self%made = self%made + 1
     if (size(all) > 0) call balance%receptance%without_springs(all, self%lost, self%receptance)
     is_new = allocated(self%receptance)
     if (is_new) self%flops = flops_of_modes*real(size(balance%response, 1), wp)**3

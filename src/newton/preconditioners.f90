@@ -6,12 +6,14 @@ module attrito_newton_preconditioners
   use attrito_newton_contact_blocks, only: contact_blocks_type
   use attrito_newton_mean_contacts, only: mean_contacts_type
   use attrito_newton_mean_response, only: mean_response_type
+  use attrito_newton_modal_response, only: rest_type
   implicit none
   private
   public :: preconditioners_type
 
   type :: preconditioners_type
     type(mean_contacts_type) :: mean
+    type(rest_type) :: rest
     type(mean_response_type) :: of_mean
     type(contact_blocks_type) :: blocks
     !> Are the blocks of the present evaluation?
@@ -43,6 +45,7 @@ contains
     status = 0
     call self%mean%serve(balance, stiffening, are_new, are_latest)
     balance%work = balance%work + self%mean%flops/balance%ranks%ranks
+    if (allocated(self%mean%receptance)) call self%rest%prepare(self%mean%receptance, self%mean%made, balance)
     self%is_fresh = are_new .or. .not. self%blocks%serve(balance, stiffening)
     if (self%is_fresh) then
       call self%of_mean%make(balance, stiffening)

@@ -11,6 +11,7 @@ program test_mean_contacts
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_newton_linearised_step, only: solve_linearised, stiffened
   use attrito_newton_mean_contacts, only: mean_contacts_type
+  use attrito_newton_modal_response, only: rest_type
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_balance_unknowns, only: unknowns_type
   use random_steps, only: harmonics, k, rows, omega, evaluate_at_random, random_constraint, random_right, packed, by_gmres, &
@@ -29,6 +30,7 @@ program test_mean_contacts
                       test('an open contact has lost its springs, one that slips a part of the tangential one', springs), &
                       test('without springs the receptance is that of the structure without them', without_springs), &
                       test('a body that is free without springs has no receptance without them', free_body), &
+                      test('modes at rest answer together as they do one by one', together), &
                       test('where damping couples no modes one iteration solves a step, springs kept in it or not', one_iteration), &
                       test('contacts that have changed leave the step what it is', touching), &
                       test('the step is that of elimination, modes uncoupled or not, the mean frozen or not', as_by_elimination), &
@@ -140,6 +142,39 @@ contains
     call check(error, .not. allocated(less), 'there is one')
     call balance%destroy()
   end subroutine free_body
+
+  !> The lower the frequency, the more modes are at rest: together with those that move they are the receptance at rest.
+  subroutine together(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(balance_type) :: balance
+    type(mean_contacts_type) :: mean
+    type(rest_type) :: rest
+    real(wp), allocatable :: shapes(:, :), stiffness(:), mass(:), damping(:)
+    complex(wp) :: block(rows, rows)
+    logical :: is_new, have_some, have_none
+    integer :: i, status, all_rows(rows)
+
+    all_rows = [(i, i=1, rows)]
+    have_some = .false.
+    have_none = .false.
+    call prepare(damping_mass, far, balance)
+    call mean%take(balance, 0.0_wp, is_new)
+    do i = 1, 12
+      call mean%receptance%set_frequency(0.5_wp**i*omega, status)
+      call rest%prepare(mean%receptance, mean%made, balance)
+      if (.not. allocated(rest%flexibility)) cycle
+      have_some = have_some .or. rest%low > 0
+      have_none = have_none .or. rest%low == 0
+      shapes = mean%receptance%mode_shapes(1, rest%low, all_rows)
+      call mean%receptance%uncoupled_modes(stiffness, mass, damping)
+      call mean%receptance%block_between(0, all_rows, all_rows, block)
+      ! Single precision.
+      call check_close(error, rest%flexibility + matmul(transpose(shapes), shapes/spread(stiffness(:rest%low), 2, rows)), &
+                       real(block, wp), 1.0e-6_wp*maxval(abs(block)), 'receptance at rest')
+    end do
+    if (.not. allocated(error)) call check(error, have_some .and. have_none, 'all modes move, or none: the test is void')
+    call balance%destroy()
+  end subroutine together
 
   !> Contacts in the mean and one block of all of them are the whole system, in single precision: 6e-8 times its condition, some 1e2.
   subroutine one_iteration(error)
