@@ -1,9 +1,9 @@
 !> A series just long enough for the error that is accepted, and samples just dense enough, chosen point by point.
 !>
 !> Harmonics left out fade as those do that are there, so the tail of the motion says how many more, or fewer, are needed for the
-!> estimated error (`attrito_accuracy_error_estimate`). If the estimate is not sure, a longer series is solved, and the estimate is
-!> the change of the point. So it goes on until two series agree: the point stays on the shorter one of these, and the part that the
-!> change was of what had been open holds for the next points of the branch.
+!> estimated error (`attrito_accuracy_error_estimate`). A longer series is solved if the estimate is too large or not sure, until two
+!> series agree: their difference outweighs what the shorter one was estimated at. The point stays on that, and the part that the
+!> difference was of what had been open holds for the next points of the branch.
 !>
 !> Along a branch harmonics and samples stay. A change moves the branch by about its error, which may be more than a step does: the
 !> point is solved again in its own plane first, and the tangent found there. More are taken when a point asks for them, fewer when
@@ -166,7 +166,6 @@ contains
       call self%estimate(solver, .true., point)
       if (may_suffice(self)) then
         shown = relative_change(own_monitors(solver), monitors) + here%errors%harmonics
-        self%errors%harmonics = self%estimator%not_compared
         if (shown <= harmonics_share*self%series%tolerance) call trust(self, solver, shown)
       end if
       accepted_too = self%errors%are_known() .and. self%series%accepts(self%errors) .and. self%estimator%is_sure
@@ -316,11 +315,7 @@ contains
         harmonics = min(harmonics, most_harmonics)
         samples = max(self%series%needed_samples(solver, self%errors, harmonics), solver%options%samples, 6*harmonics + 2)
       end if
-      left_open = 0.0_wp
-      if (may_suffice(self)) then
-        left_open = self%estimator%at_most
-        self%errors%harmonics = self%estimator%not_compared
-      end if
+      left_open = merge(self%estimator%at_most, 0.0_wp, may_suffice(self))
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
       if (attempt == 0 .and. self%given_up > 0) then
         self%given_up = self%given_up - 1
@@ -405,7 +400,7 @@ contains
     !> Harmonics that had not settled on that series, up to this one
     integer, intent(in) :: unsettled
 
-    self%errors%harmonics = max(self%estimator%not_compared, change)
+    self%errors%harmonics = max(self%estimator%known_part, change)
     self%estimator%is_sure = self%series%accepts(self%errors) .and. solver%options%harmonics >= unsettled
   end subroutine compare
 
@@ -417,12 +412,12 @@ contains
     !> The change to the longer series, and the error of that
     real(wp), intent(in) :: shown
 
-    self%errors%harmonics = max(self%errors%harmonics, shown)
+    self%errors%harmonics = shown
     self%estimator%is_sure = .true.
     call self%comparison%take([solver%options%harmonics, solver%options%samples], shown, self%estimator%at_most)
   end subroutine trust
 
-  !> Along a branch an estimate that is not sure counts by what the last comparison of two series found.
+  !> Along a branch an estimate that does not suffice counts by what the last comparison of two series found.
   subroutine rely_on_comparison(self, solver)
     type(error_control_type), intent(inout) :: self
     !> Solver of points: its harmonics and samples
@@ -430,20 +425,22 @@ contains
     real(wp) :: error
     logical :: is_known
 
-    if (self%estimator%is_sure .or. self%estimator%is_stiff) return
+    if (.not. may_suffice(self)) return
     call self%comparison%bound([solver%options%harmonics, solver%options%samples], self%estimator%at_most, error, is_known)
-    error = max(self%estimator%not_compared, error)
+    error = max(self%estimator%missing, error)
     if (.not. is_known .or. error > harmonics_share*self%series%tolerance) return
     self%errors%harmonics = error
     self%estimator%is_sure = .true.
   end subroutine rely_on_comparison
 
-  !> May a comparison with a longer series show that this one is long enough?
+  !> May a comparison with a longer series show that this one is long enough, if the estimate does not?
   pure logical function may_suffice(self)
     type(error_control_type), intent(in) :: self
 
-    may_suffice = self%series%choose_harmonics .and. .not. (self%estimator%is_sure .or. self%estimator%is_stiff) .and. &
-                  self%estimator%not_compared <= harmonics_share*self%series%tolerance
+    associate (share => harmonics_share*self%series%tolerance)
+      may_suffice = self%series%choose_harmonics .and. .not. self%estimator%is_stiff .and. self%estimator%missing <= share .and. &
+                    .not. (self%estimator%is_sure .and. self%errors%harmonics <= share)
+    end associate
   end function may_suffice
 
   !> Give the transforms back.

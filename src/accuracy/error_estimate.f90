@@ -46,9 +46,11 @@ module attrito_accuracy_error_estimate
     logical :: is_sure = .true., is_stiff = .false.
     !> Harmonics that have not settled, up to this one
     integer :: unsettled = 0
-    !> The error, if it came to all that the two steps leave open; what of it no comparison of two series shows: if the steps do not
-    !> agree, forces are not linear so far, and nothing is known but what is missing beyond
-    real(wp) :: at_most = 0.0_wp, not_compared = 0.0_wp
+    !> The error, if it came to all that the two steps leave open; and what further answers of harmonics beyond would add
+    real(wp) :: at_most = 0.0_wp, missing = 0.0_wp
+    !> What of the error counts if the estimate is not sure: if the steps do not agree, forces are not linear so far, and nothing is
+    !> known but what is missing beyond
+    real(wp) :: known_part = 0.0_wp
     type(finer_balance_type), private :: longer
     type(resonances_type), private :: resonances
     !> Greatest ratio of a contact's stiffness to that of the structure at it; negative: not computed yet
@@ -86,7 +88,8 @@ contains
     self%is_stiff = .false.
     self%unsettled = 0
     self%at_most = 0.0_wp
-    self%not_compared = 0.0_wp
+    self%missing = 0.0_wp
+    self%known_part = 0.0_wp
     if (.not. solved) return
     associate (balance => solver%context%balance)
       if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
@@ -116,7 +119,8 @@ contains
       errors%harmonics = error - errors%samples
       if (status == 0) then
         errors%harmonics = max(errors%harmonics, second%missing)
-        self%not_compared = merge(errors%harmonics, second%missing, agrees)
+        self%missing = second%missing
+        self%known_part = merge(errors%harmonics, second%missing, agrees)
       end if
     end associate
   end subroutine estimate
