@@ -401,5 +401,6 @@ contains
     class(finer_balance_type), intent(inout) :: self
 
     call self%quadrature%fourier%destroy()
+    call self%quadrature%discs%destroy()
   end subroutine destroy
 end module attrito_accuracy_finer_balance

@@ -4,7 +4,8 @@
 !>     contact by events            168 k^2                 (8 intervals of a period, Jacobian included; its forces alone a quarter)
 !>     contact by samples           4 k^2 J, with two tangents 12 k^2 J + 28 k J; its forces alone 4 k J a row
 !>     contact with two tangents by events
-!>                                  n (12 k^2 + 48 k + 600), with n = 5 k nodes of slip
+!>                                  n (12 k^2 + 48 k + 600), with n = 5 k nodes of slip; its forces alone, by rough
+!>                                  rules, n (7 k + 600), with n = 2 k
 !>     residual                     6 k m n
 !>     linearised step              4 (a/k) a n + 2 a^3 / 3, with factors kept 2 a^2, by iterations 4 a n each
 !>     factors of a block of u unknowns
@@ -34,9 +35,13 @@ contains
 
     k = coefficients
     if (goes_by_events(law, quadrature)) then
-      contact_work = 168.0_wp*k**2
-      if (law%tangents == 2) contact_work = 5.0_wp*k*(12.0_wp*k**2 + 48.0_wp*k + 600.0_wp)
-      if (without_jacobian) contact_work = contact_work/4.0_wp
+      if (law%tangents == 1) then
+        contact_work = merge(42.0_wp, 168.0_wp, without_jacobian)*k**2
+      else if (without_jacobian) then
+        contact_work = 2.0_wp*k*(7.0_wp*k + 600.0_wp)
+      else
+        contact_work = 5.0_wp*k*(12.0_wp*k**2 + 48.0_wp*k + 600.0_wp)
+      end if
     else if (without_jacobian) then
       contact_work = 4.0_wp*k*(law%tangents + 1)*quadrature%fourier%samples
     else if (law%tangents == 2) then

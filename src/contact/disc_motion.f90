@@ -4,20 +4,26 @@
 !>    \qquad |u - w| \le r $$
 !>
 !> With them goes what evaluations of all contacts share: grids on which events are looked for, and rules of the panels of slip.
+!>
+!> Rough rules, those of estimates, leave the series: between points of the grid, where it comes by FFTW, each of u and r is the
+!> cubic with their values and slopes (Hermite), which costs the same for any number of harmonics.
 module attrito_contact_disc_motion
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: basis_at
   use attrito_model_contacts, only: contact_type
+  use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_panel_rule, only: panel_rule_type, new_radau_rule, new_gauss_rule
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid, differentiate
+  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, new_grid, differentiate, roots_from_samples, roots_of_cubics
   implicit none
   private
   public :: disc_rules_type, new_disc_rules, new_rough_rules, disc_motion_type, new_disc_motion, excess_of, usual_nodes, grid_for
 
   !> What evaluations of all contacts share
   type :: disc_rules_type
-    !> Grids of a period for motions of 4, 8, 16, ... harmonics, denser than those of one tangent's events: squares are looked at
+    !> Grids of a period for motions of 3, 5, 7, 11, ... harmonics, denser than those of one tangent's events: squares are looked at
     type(trigonometric_grid_type), allocatable :: grids(:)
+    !> Rough rules: to the points of these grids, of which there are no values then
+    type(fourier_type), allocatable :: transforms(:)
     !> Panels of slip, and the last one before a contact opens
     type(panel_rule_type) :: radau, gauss
     !> Error of r phi, relative to the largest r, that a panel may have, and the longest panel
@@ -26,6 +32,7 @@ module attrito_contact_disc_motion
     real(wp) :: faint = 0.0_wp
   contains
     procedure :: significant
+    procedure :: destroy
   end type disc_rules_type
 
   type :: disc_motion_type
@@ -36,12 +43,16 @@ module attrito_contact_disc_motion
     !> Values of u_1, u_2, r and of their first derivatives on the grid [points, 6], and its step
     real(wp), allocatable :: sampled(:, :)
     real(wp) :: step = 0.0_wp
+    !> Is it cubic between the points of the grid?
+    logical :: is_cubic = .false.
     !> dr/dv = mu k_n / k_t
     real(wp) :: slope = 0.0_wp
     !> Largest r on the grid; how far out of its disc a slider lies by rounding, and how far it may lie without slipping
     real(wp) :: largest = 0.0_wp, rounding = 0.0_wp, negligible = 0.0_wp
   contains
     procedure :: sample_slopes
+    procedure :: roots_of_radius
+    procedure, private :: sample
     procedure :: at
     procedure :: at_nodes
     procedure :: second_at
@@ -54,8 +65,6 @@ module attrito_contact_disc_motion
   !> ones leave errors in forces of at most 5e-10, rough ones of 7e-6; in the worst 9e-9 and 6e-4
   real(wp), parameter :: usual_tolerance = 7.0e-7_wp, usual_longest = 4.5_wp ! measured
   real(wp), parameter :: rough_tolerance = 1.0e-4_wp, rough_longest = 12.0_wp, rough_faint = 1.0e-6_wp ! measured
-  !> Harmonics of the first grid
-  integer, parameter :: fewest = 4 ! conventional
   !> Part of the largest r that is no slip: a slider that has come to the last place that holds it lies out of a disc by as much as
   !> residuals leave
   real(wp), parameter :: negligible_part = 1.0e-10_wp ! guess
@@ -77,36 +86,52 @@ contains
     self%tolerance = usual_tolerance
     if (present(tolerance)) self%tolerance = tolerance
     self%longest = usual_longest/max(harmonics, 1)
-    self%grids = new_grids(harmonics, density)
+    self%grids = new_grids(harmonics)
     self%radau = new_radau_rule(s)
     self%gauss = new_gauss_rule(s)
   end function new_disc_rules
 
-  !> Rules for an estimate of so many harmonics of force, to three digits and more: long panels, and harmonics of the motion that do
-  !> not show are left out.
+  !> Rules for an estimate of so many harmonics of force, to three digits and more, without Jacobians: long panels, and harmonics of
+  !> the motion that do not show are left out.
   function new_rough_rules(harmonics) result(self)
     !> Highest harmonic
     integer, intent(in) :: harmonics
     type(disc_rules_type) :: self
+    integer :: i, j
 
-    self = new_disc_rules(harmonics, tolerance=rough_tolerance)
-    self%grids = new_grids(harmonics, rough_density)
+    self = new_disc_rules(0, tolerance=rough_tolerance)
+    deallocate (self%grids)
+    allocate (self%grids(grid_for(harmonics)), self%transforms(grid_for(harmonics)))
+    do i = 1, size(self%grids)
+      self%transforms(i) = new_fourier(0, rough_density*length_of(i))
+      associate (points => self%transforms(i)%samples)
+        self%grids(i)%theta = [(two_pi*j/points, j=0, points)]
+      end associate
+    end do
     self%longest = rough_longest/max(harmonics, 1)
     self%faint = rough_faint
   end function new_rough_rules
 
   !> Grids for motions of so many harmonics and of fewer.
-  function new_grids(harmonics, density) result(grids)
-    !> Highest harmonic; points in its period
-    integer, intent(in) :: harmonics, density
+  function new_grids(harmonics) result(grids)
+    !> Highest harmonic
+    integer, intent(in) :: harmonics
     type(trigonometric_grid_type), allocatable :: grids(:)
     integer :: i
 
     allocate (grids(grid_for(harmonics)))
     do i = 1, size(grids)
-      grids(i) = new_grid(min(fewest*2**(i - 1), harmonics), density)
+      grids(i) = new_grid(length_of(i) - 1, density)
     end do
   end function new_grids
+
+  !> Harmonics of a grid, and one: 4, 6, 8, 12, 16, 24, ...
+  elemental integer function length_of(place)
+    !> Number of the grid
+    integer, intent(in) :: place
+
+    length_of = merge(4, 6, modulo(place, 2) == 1)*2**((place - 1)/2)
+  end function length_of
 
   !> Which of the grids serves so many harmonics?
   elemental integer function grid_for(harmonics) result(place)
@@ -114,10 +139,22 @@ contains
     integer, intent(in) :: harmonics
 
     place = 1
-    do while (fewest*2**(place - 1) < harmonics)
+    do while (length_of(place) <= harmonics)
       place = place + 1
     end do
   end function grid_for
+
+  !> Give the transforms back.
+  subroutine destroy(self)
+    class(disc_rules_type), intent(inout) :: self
+    integer :: i
+
+    if (.not. allocated(self%transforms)) return
+    do i = 1, size(self%transforms)
+      call self%transforms(i)%destroy()
+    end do
+    deallocate (self%transforms)
+  end subroutine destroy
 
   !> How many coefficients of a motion show: all but those of the last harmonics that come to next to nothing together.
   pure integer function significant(self, motion) result(coefficients)
@@ -137,11 +174,11 @@ contains
   end function significant
 
   !> The discs of a motion, without slopes on the grid yet: most contacts that stick are known without.
-  function new_disc_motion(law, grid, motion) result(self)
+  function new_disc_motion(law, rules, motion) result(self)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
-    !> Grid of a period, both ends included
-    type(trigonometric_grid_type), intent(in) :: grid
+    !> Grids
+    type(disc_rules_type), intent(in) :: rules
     !> Coefficients of relative displacement u_1, u_2, v [k, 3]
     real(wp), intent(in) :: motion(:, :)
     type(disc_motion_type) :: self
@@ -156,22 +193,63 @@ contains
       call differentiate(columns(:, i), columns(:, i + 3))
     end do
     self%series = transpose(columns)
-    allocate (self%sampled(size(grid%theta), 6))
-    self%sampled(:, :3) = matmul(grid%values(:, :size(columns, 1)), columns(:, :3))
-    self%step = grid%theta(2) - grid%theta(1)
+    associate (grid => rules%grids(grid_for(self%harmonics)))
+      allocate (self%sampled(size(grid%theta), 6))
+      self%step = grid%theta(2)
+    end associate
+    self%is_cubic = allocated(rules%transforms)
+    call self%sample(rules, 1)
     self%largest = maxval(self%sampled(:, 3))
     self%rounding = 2.0e-12_wp*self%largest + 16.0_wp*epsilon(1.0_wp)*maxval(abs(self%sampled(:, 1:2)))
     self%negligible = self%rounding + negligible_part*self%largest
   end function new_disc_motion
 
   !> First derivatives on the grid.
-  subroutine sample_slopes(self, grid)
+  subroutine sample_slopes(self, rules)
     class(disc_motion_type), intent(inout) :: self
-    !> Grid of a period, both ends included
-    type(trigonometric_grid_type), intent(in) :: grid
+    !> Grids
+    type(disc_rules_type), intent(in) :: rules
 
-    self%sampled(:, 4:) = matmul(grid%values(:, :size(self%series, 2)), transpose(self%series(4:6, :)))
+    call self%sample(rules, 4)
   end subroutine sample_slopes
+
+  !> Three of the series on the grid.
+  subroutine sample(self, rules, first)
+    class(disc_motion_type), intent(inout) :: self
+    !> Grids
+    type(disc_rules_type), intent(in) :: rules
+    !> Number of the first of them
+    integer, intent(in) :: first
+    real(wp) :: columns(size(self%series, 2), 3)
+    integer :: points
+
+    columns = transpose(self%series(first:first + 2, :))
+    associate (place => grid_for(self%harmonics))
+      if (self%is_cubic) then
+        points = rules%transforms(place)%samples
+        call rules%transforms(place)%to_samples(columns, self%sampled(:points, first:first + 2))
+        self%sampled(points + 1, first:first + 2) = self%sampled(1, first:first + 2)
+      else
+        self%sampled(:, first:first + 2) = matmul(rules%grids(place)%values(:, :size(columns, 1)), columns)
+      end if
+    end associate
+  end subroutine sample
+
+  !> Where the contact lands and opens, unordered.
+  function roots_of_radius(self, rules) result(roots)
+    class(disc_motion_type), intent(in) :: self
+    !> Grids
+    type(disc_rules_type), intent(in) :: rules
+    real(wp), allocatable :: roots(:)
+
+    associate (theta => rules%grids(grid_for(self%harmonics))%theta, r => self%sampled(:, 3), slope => self%sampled(:, 6))
+      if (self%is_cubic) then
+        roots = roots_of_cubics(theta, r, slope)
+      else
+        roots = roots_from_samples(self%series(3, :), theta, r, slope)
+      end if
+    end associate
+  end function roots_of_radius
 
   !> u_1, u_2, r and their first derivatives at an instant.
   pure function at(self, theta) result(jet)
@@ -182,6 +260,10 @@ contains
     real(wp) :: cosine, sine, c, s, before
     integer :: h
 
+    if (self%is_cubic) then
+      call at_by_cubics(size(self%sampled, 1), self%sampled, self%step, theta, jet)
+      return
+    end if
     jet = self%series(:6, 1)
     c = cos(theta)
     s = sin(theta)
@@ -195,31 +277,64 @@ contains
     end do
   end function at
 
+  !> The same from the grid.
+  pure subroutine at_by_cubics(points, sampled, step, theta, jet)
+    !> Of the grid, both ends included
+    integer, intent(in) :: points
+    !> Values and slopes there; their distance; angle of the period
+    real(wp), intent(in) :: sampled(points, 6), step, theta
+    !> u_1, u_2, r and their first derivatives
+    real(wp), intent(out) :: jet(6)
+    real(wp) :: x, at_left, at_right, rise, square, cube
+    integer :: cell, i
+
+    x = theta/step
+    cell = floor(x)
+    x = x - cell
+    cell = modulo(cell, points - 1) + 1
+    do i = 1, 3
+      at_left = step*sampled(cell, i + 3)
+      at_right = step*sampled(cell + 1, i + 3)
+      rise = sampled(cell + 1, i) - sampled(cell, i)
+      square = 3.0_wp*rise - 2.0_wp*at_left - at_right
+      cube = at_left + at_right - 2.0_wp*rise
+      jet(i) = sampled(cell, i) + x*(at_left + x*(square + x*cube))
+      jet(i + 3) = (at_left + x*(2.0_wp*square + 3.0_wp*x*cube))/step
+    end do
+  end subroutine at_by_cubics
+
   !> r, u_1', u_2', r' at instants of a panel, and what they were made of.
   pure subroutine at_nodes(self, theta, basis, jet)
     class(disc_motion_type), intent(in) :: self
     !> Angles of the period [s]
     real(wp), intent(in), contiguous :: theta(:)
-    !> 1, cos, sin, ...: as many as the series has, or more [s, at least k]
-    real(wp), intent(out), contiguous :: basis(:, :)
+    !> 1, cos, sin, ... up to the motion's harmonics; of a motion that is cubic, nothing [s, at least k]
+    real(wp), intent(inout), contiguous :: basis(:, :)
     !> [s, 3:6], as `at` numbers them
     real(wp), intent(out), contiguous :: jet(:, 3:)
+    real(wp) :: here(6)
+    integer :: i
 
-    if (size(theta) == usual_nodes) then
-      call add_harmonics(usual_nodes, size(basis, 2)/2, self%harmonics, self%series, theta, basis, jet)
+    if (self%is_cubic) then
+      do i = 1, size(theta)
+        call at_by_cubics(size(self%sampled, 1), self%sampled, self%step, theta(i), here)
+        jet(i, :) = here(3:)
+      end do
+    else if (size(theta) == usual_nodes) then
+      call add_harmonics(usual_nodes, self%harmonics, self%series, theta, basis, jet)
     else
-      call add_harmonics(size(theta), size(basis, 2)/2, self%harmonics, self%series, theta, basis, jet)
+      call add_harmonics(size(theta), self%harmonics, self%series, theta, basis, jet)
     end if
   end subroutine at_nodes
 
   !> The same on plain arrays, whose size is handed over by value: compilers then make code of its own for the usual one.
-  pure subroutine add_harmonics(n, last, harmonics, series, theta, basis, jet)
-    !> s; highest harmonic of the basis; H
-    integer, value :: n, last, harmonics
+  pure subroutine add_harmonics(n, harmonics, series, theta, basis, jet)
+    !> s; H
+    integer, value :: n, harmonics
     !> As in the motion [9, k]; angles
     real(wp), intent(in) :: series(9, 2*harmonics + 1), theta(n)
     !> 1, cos, sin, ..., and values and derivatives
-    real(wp), intent(out) :: basis(n, 2*last + 1), jet(n, 3:6)
+    real(wp), intent(out) :: basis(n, 2*harmonics + 1), jet(n, 3:6)
     real(wp) :: c(n), s(n)
     integer :: h, i
 
@@ -229,7 +344,7 @@ contains
     end do
     c = cos(theta)
     s = sin(theta)
-    do h = 1, last
+    do h = 1, harmonics
       if (h == 1) then
         basis(:, 2) = c
         basis(:, 3) = s
@@ -237,7 +352,6 @@ contains
         basis(:, 2*h) = basis(:, 2*h - 2)*c - basis(:, 2*h - 1)*s
         basis(:, 2*h + 1) = basis(:, 2*h - 1)*c + basis(:, 2*h - 2)*s
       end if
-      if (h > harmonics) cycle
       do i = 3, 6
         jet(:, i) = jet(:, i) + (series(i, 2*h)*basis(:, 2*h) + series(i, 2*h + 1)*basis(:, 2*h + 1))
       end do

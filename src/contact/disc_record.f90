@@ -10,7 +10,7 @@ module attrito_contact_disc_record
   use attrito_core_kinds, only: wp, pi
   use attrito_core_lapack, only: add_transposed_product
   use attrito_core_trigonometric, only: basis_at
-  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_motion, only: disc_motion_type, usual_nodes
   use attrito_contact_slip_panel, only: slip_panel_type
   implicit none
   private
@@ -122,22 +122,24 @@ contains
     !> Motion of the contact
     type(disc_motion_type), intent(in) :: motion
     !> The panel, solved
-    type(slip_panel_type), intent(in) :: panel
+    type(slip_panel_type), intent(inout) :: panel
     !> Derivatives of phi at the nodes [s, columns]
     real(wp), intent(in), contiguous :: by_phi(:, :)
     real(wp) :: part(size(panel%weight), 2)
-    integer :: a, c, k, last, n, s
+    integer :: a, c, k, known, last, n, s
 
     if (.not. self%keeps) return
     s = size(panel%weight)
     do a = 1, 2
       part(:, a) = panel%weight/pi*panel%jet(:, 3)*panel%e(:, a)
-      self%slip_force(1, a) = self%slip_force(1, a) + 0.5_wp*sum(part(:, a))
     end do
-    do c = 2, size(self%slip_force, 1)
-      self%slip_force(c, 1) = self%slip_force(c, 1) + dot_product(part(:, 1), panel%basis(:, c))
-      self%slip_force(c, 2) = self%slip_force(c, 2) + dot_product(part(:, 2), panel%basis(:, c))
-    end do
+    known = merge(0, motion%harmonics, motion%is_cubic)
+    last = size(self%slip_force, 1)/2
+    if (s == usual_nodes) then
+      call add_force(usual_nodes, known, last, panel%theta, part, panel%basis, self%slip_force)
+    else
+      call add_force(s, known, last, panel%theta, part, panel%basis, self%slip_force)
+    end if
     if (.not. self%by_motion) return
     k = 2*motion%harmonics + 1
     if (self%nodes + s > size(self%basis, 1)) call self%flush_nodes()
@@ -159,6 +161,48 @@ contains
       end do
     end do
   end subroutine add_nodes
+
+  !> Coefficients of the force at the nodes, on plain arrays, whose size is handed over by value: compilers then make code of its own
+  !> for the usual one.
+  pure subroutine add_force(n, known, last, theta, part, basis, force)
+    !> s; harmonics that the basis has; highest harmonic of the force
+    integer, value :: n, known, last
+    !> The nodes, and the force there with their weights
+    real(wp), intent(in) :: theta(n), part(n, 2)
+    !> 1, cos, sin, ...; coefficients of the force
+    real(wp), intent(inout) :: basis(n, 2*last + 1), force(2*last + 1, 2)
+    real(wp) :: c(n), s(n), product(n)
+    integer :: a, h, i, half
+
+    if (known == 0) then
+      basis(:, 1) = 1.0_wp
+      c = cos(theta)
+      s = sin(theta)
+    else
+      c = basis(:, 2)
+      s = basis(:, 3)
+    end if
+    half = n/2
+    do a = 1, 2
+      force(1, a) = force(1, a) + 0.5_wp*sum(part(:, a))
+    end do
+    do h = 1, last
+      if (h > max(known, 1)) then
+        basis(:, 2*h) = basis(:, 2*h - 2)*c - basis(:, 2*h - 1)*s
+        basis(:, 2*h + 1) = basis(:, 2*h - 1)*c + basis(:, 2*h - 2)*s
+      else if (known == 0) then
+        basis(:, 2) = c
+        basis(:, 3) = s
+      end if
+      do a = 1, 2
+        do i = 2*h, 2*h + 1
+          product = part(:, a)*basis(:, i)
+          force(i, a) = force(i, a) + sum(product(:half) + product(n - half + 1:))
+          if (2*half < n) force(i, a) = force(i, a) + product(half + 1)
+        end do
+      end do
+    end do
+  end subroutine add_force
 
   !> Add the nodes to the derivatives of the force.
   subroutine flush_nodes(self)

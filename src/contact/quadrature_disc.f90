@@ -13,14 +13,13 @@ module attrito_contact_quadrature_disc
   use attrito_core_lapack, only: multiply_by_transpose
   use attrito_model_contacts, only: contact_type
   use attrito_contact_disc_loop, only: loop_type, march_closed_parts, follow_motion, march_period, close_period, holding_of
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, new_disc_motion, grid_for
+  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, new_disc_motion
   use attrito_contact_forces, only: contact_forces_type, hold_slider, stay_stuck, released
   use attrito_contact_moments, only: moments_type, new_moments, ends_type, new_ends
   use attrito_contact_resting_place, only: resting_place_type, find_resting_place, resting_gradient
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
                                    state_open
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
-  use attrito_contact_trigonometric_roots, only: roots_from_samples
   implicit none
   private
   public :: evaluate_contact_by_disc_events
@@ -76,12 +75,12 @@ contains
     real(wp), allocatable :: cuts(:)
 
     done = .true.
-    motion = new_disc_motion(law, rules%grids(grid_for(size(coefficients, 1)/2)), coefficients)
+    motion = new_disc_motion(law, rules, coefficients)
     if (is_stuck_on_grid(law, motion, coefficients, slider)) then
       call stay_stuck(law, slider, size(coefficients, 1), forces)
       return
     end if
-    call motion%sample_slopes(rules%grids(grid_for(size(coefficients, 1)/2)))
+    call motion%sample_slopes(rules)
     call find_cuts(law, rules, motion, coefficients, cuts)
     if (size(cuts) > 0) then
       call march_closed_parts(motion, rules, cuts, forces, loop)
@@ -144,9 +143,7 @@ contains
 
     allocate (cuts(0))
     if (motion%largest <= -law%touching_force(coefficients(:, 3))*motion%slope/law%normal_stiffness) return
-    associate (grid => rules%grids(grid_for(size(coefficients, 1)/2)))
-      roots = roots_from_samples(motion%series(3, :), grid%theta, motion%sampled(:, 3), motion%sampled(:, 6))
-    end associate
+    roots = motion%roots_of_radius(rules)
     n = size(roots)
     if (n < 2) return
     cuts = [real(wp) ::]

@@ -21,8 +21,9 @@ module attrito_contact_slip_panel
     !> Where it begins, its length, and whether the contact opens at its end
     real(wp) :: from = 0.0_wp, length = 0.0_wp
     logical :: opens = .false.
-    !> At the nodes: weight of an integral over theta, r, u_1', u_2', r' [s, 3:6], and 1, cos, sin, ... [s, e]
-    real(wp), allocatable :: weight(:), jet(:, :), basis(:, :)
+    !> The nodes, weight of an integral over theta there, r, u_1', u_2', r' [s, 3:6], and 1, cos, sin, ... [s, e], up to the motion's
+    !> harmonics where it is a series
+    real(wp), allocatable :: theta(:), weight(:), jet(:, :), basis(:, :)
     !> phi at the start and the nodes [0:s], d phi/dx and e at the nodes [s], [s, 2]
     real(wp), allocatable :: phi(:), turn(:), e(:, :)
     !> Of each equation: one over the size of its terms, r D, with D of order 20, and what turns the direction [s]
@@ -42,7 +43,7 @@ contains
     type(slip_panel_type) :: self
 
     associate (s => rules%radau%nodes)
-      allocate (self%weight(s), self%jet(s, 3:6), self%basis(s, coefficients))
+      allocate (self%theta(s), self%weight(s), self%jet(s, 3:6), self%basis(s, coefficients))
       allocate (self%phi(0:s), self%turn(s), self%e(s, 2), self%scale(s))
     end associate
   end function new_slip_panel
@@ -87,7 +88,8 @@ contains
     logical, intent(out) :: solved
 
     panel%weight = rule%weight*panel%length
-    call motion%at_nodes(panel%from + panel%length*rule%x(1:), panel%basis, panel%jet)
+    panel%theta = panel%from + panel%length*rule%x(1:)
+    call motion%at_nodes(panel%theta, panel%basis, panel%jet)
     panel%jet(:, 3) = max(panel%jet(:, 3), 0.0_wp)
     call guess(rule, panel)
     call iterate(rule, tolerance, panel, solved)
