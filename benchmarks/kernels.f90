@@ -163,8 +163,7 @@ contains
     integer :: i
 
     contact(1) = law_of(law)
-    quadrature = quadrature_type(by_events /= 0, by_events /= 0, new_fourier((coefficients - 1)/2, samples), &
-                                 new_grid((coefficients - 1)/2), &
+    quadrature = quadrature_type(by_events /= 0, new_fourier((coefficients - 1)/2, samples), new_grid((coefficients - 1)/2), &
                                  new_disc_rules((coefficients - 1)/2))
     allocate (forces%deviation(coefficients, law%tangents + 1))
     started = clock()

@@ -14,6 +14,7 @@ and a active rows of the Jacobian in contacts that have r rows of B together:
     sampled line  4 k^2 J (slider's gradient to coefficients)  3 J k (gradients of u and v, basis)
     sampled disc  12 k^2 J + P J (28 k + 12) (and its march)   2 J (3 k + 2) (P + 1)
     event line    16 I k^2 + 40 k^2                            4 I k^2, with I = 8 intervals; roots on 4 k points
+    event disc    n (12 k^2 + 48 k + 600)                      n 7 k, with n = 5 k nodes of slip
     residual      6 k m n + the contacts' own                  3 m n, and the contacts' own
     step          4 r a n + 2 k t a^2 + 2 a^3 / 3              3 a^2 (receptances, product with the Jacobian, dense LU)
 
@@ -50,6 +51,11 @@ def sampled_disc(k: int, samples: int, passes: int = 1) -> tuple[float, float]:
 def event_line(k: int, _: int) -> tuple[float, float]:
     """Flops and bytes of one contact with one tangent, by events."""
     return 16.0 * INTERVALS * k**2 + 40.0 * k**2, 32.0 * INTERVALS * k**2
+
+
+def event_disc(k: int, _: int) -> tuple[float, float]:
+    """Flops and bytes of one contact with two tangents that slips throughout, by events."""
+    return 5.0 * k * (12.0 * k**2 + 48.0 * k + 600.0), 8.0 * 5.0 * k * 7.0 * k
 
 
 def residual(k: int, rows: int, modes: int) -> tuple[float, float]:
@@ -99,6 +105,7 @@ def contact_rows(machine: dict, harmonics: list[int], samples: list[int]) -> lis
     for h in harmonics:
         for name, tangents, by_events, count, counts in (
             ("event_line", 1, True, 0, event_line),
+            ("event_disc", 2, True, 0, event_disc),
             *(("sampled_line", 1, False, j, sampled_line) for j in samples),
             *(("sampled_disc", 2, False, j, sampled_disc) for j in samples),
         ):

@@ -4,7 +4,7 @@ The velocity of their periodic motion is unique, that of the exact equations and
 harmonics if it is evaluated exactly. So a sweep has no fold, one branch, no unstable point, and every point converges.
 
     benchmarks/no_folds.py --scenes 500 --tangents 1
-    benchmarks/no_folds.py --scenes 100 --tangents 2 --set harmonics=7 --set samples=1024
+    benchmarks/no_folds.py --scenes 100 --tangents 2 --set harmonics=7
 """
 
 from __future__ import annotations

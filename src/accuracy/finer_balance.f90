@@ -87,9 +87,8 @@ contains
 
     call self%destroy()
     self%harmonics = harmonics
-    self%quadrature = quadrature_type(quadrature%by_events, quadrature%exact, fourier=new_fourier(0, samples), &
-                                      grid=new_grid(harmonics))
-    if (quadrature%exact) self%quadrature%discs = new_rough_rules(harmonics)
+    self%quadrature = quadrature_type(quadrature%by_events, fourier=new_fourier(0, samples), grid=new_grid(harmonics))
+    if (allocated(quadrature%discs%grids)) self%quadrature%discs = new_rough_rules(harmonics)
   end subroutine set
 
   !> The solver's present point, corrected.

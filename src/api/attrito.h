@@ -43,7 +43,6 @@ typedef struct {
     int reset_slider;
     int uncoupled;
     int by_events;
-    int exact;
     int choose_harmonics;
     int choose_samples;
     int fewest_samples;

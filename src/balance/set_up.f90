@@ -64,7 +64,7 @@ contains
 
     call set_samples(self, harmonics, samples)
     self%quadrature%grid = new_grid(harmonics)
-    if (self%quadrature%exact) self%quadrature%discs = new_disc_rules(harmonics)
+    if (allocated(self%quadrature%discs%grids)) self%quadrature%discs = new_disc_rules(harmonics)
     if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
     allocate (self%harmonic_load(size(self%static_loads, 1), 0:harmonics), source=(0.0_wp, 0.0_wp))
     given = min(size(structure%harmonic_load, 2), 2*harmonics + 1)

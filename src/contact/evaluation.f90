@@ -24,11 +24,9 @@ module attrito_contact_evaluation
   type :: quadrature_type
     !> Events, exact, rather than samples wherever a contact has them
     logical :: by_events = .false.
-    !> The same of contacts with two tangents, too
-    logical :: exact = .false.
     !> Transforms between samples and coefficients
     type(fourier_type) :: fourier
-    !> Where roots are looked for
+    !> One tangent: where roots are looked for
     type(trigonometric_grid_type) :: grid
     !> Two tangents: the same, and panels of slip
     type(disc_rules_type) :: discs
@@ -43,7 +41,7 @@ contains
     !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
 
-    goes_by_events = quadrature%by_events .and. law%has_events() .and. (law%tangents == 1 .or. quadrature%exact)
+    goes_by_events = quadrature%by_events .and. law%has_events()
   end function goes_by_events
 
   !> May samples have to serve a contact? Those of two tangents do where a period passes, and where panels of slip become too short.

@@ -43,10 +43,8 @@ module attrito_solve_solver
     logical :: reset_slider = .false.
     !> Freeze the mean at the static solution
     logical :: uncoupled = .false.
-    !> Contacts with one tangent by events rather than by samples
+    !> Contacts by events rather than by samples
     logical :: by_events = .false.
-    !> The same of contacts with two tangents, too
-    logical :: exact = .false.
   end type solver_options_type
 
   type :: solver_type
@@ -120,8 +118,9 @@ contains
     allocate (self%context)
     call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
     self%context%balance%quadrature%by_events = options%by_events
-    self%context%balance%quadrature%exact = options%exact
-    if (options%exact) self%context%balance%quadrature%discs = new_disc_rules(options%harmonics)
+    if (options%by_events .and. any(contacts%law%tangents == 2)) then
+      self%context%balance%quadrature%discs = new_disc_rules(options%harmonics)
+    end if
     self%context%tolerance = options%tolerance
     call new_newton(self%context, self%newton)
     if (self%context%petsc_error /= 0) then

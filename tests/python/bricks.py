@@ -50,7 +50,7 @@ def job(*loads, **tables):
         "reduction": {"modes": 30},
         "contact_set": [contact | stiffness],
         "load": [*loads, {"kind": "harmonic", "cosine": [[0, 1.0]]}],
-        "balance": {"harmonics": 1, "samples": 16},
+        "balance": {"harmonics": 1},
         "sweep": {"frequencies_hz": [10.0]},
         "output": {"file": "result.h5", "monitors": [{"name": "first", "dofs": [[0, 1.0]]}]},
     } | tables

@@ -95,7 +95,10 @@ JOB = [
     ),
     Case(
         "too few samples for the harmonics",
-        put("balance", harmonics=5, quadrature="sampled", samples=16),
+        both(
+            put("contact", 0, law="pressure", friction_coefficient=[[1.0, 0.5]], area=1.0),
+            put("balance", harmonics=5, samples=16),
+        ),
         ("job.toml: [balance] samples = 16: expected at least 22 samples for 5 harmonics",),
     ),
     Case(

@@ -28,7 +28,7 @@ def rocking_block() -> Job:
         "damping": {"ratio": RATIO},
         "contact": feet,
         "load": [{"name": "press", "kind": "static", "dofs": [[2, 200.0], [1, 0.5]]}],
-        "balance": {"harmonics": 3, "samples": 64},
+        "balance": {"harmonics": 3},
         "mode": {"number": 4, "start": 4.0e-4, "stop": 8.4e-4, "points": 3},
         "output": {"file": "result.h5", "monitors": [{"name": "turn", "dofs": [[3, 1.0]]}]},
     }

@@ -19,7 +19,7 @@ def rubbing(force: float = 30.0) -> Job:
     """A wedge whose contact slips at most of the frequencies."""
     job = wedge(STIFFNESS, force)
     job["contact"] = [contact | {"preload": 30.0} for contact in job["contact"]]
-    job["balance"] = {"harmonics": 3, "quadrature": "event"}
+    job["balance"] = {"harmonics": 3}
     job["sweep"] = {"frequencies_hz": FREQUENCIES}
     return job
 

@@ -23,7 +23,7 @@ def shaken_wedge(**load) -> Job:
         {"kind": "harmonic", "harmonic": 2, "base_sine": [[1, 20.0]]},
     ]
     shaken["load"] = [shaken["load"][0], *both]
-    shaken["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-12}
+    shaken["balance"] = {"harmonics": 5, "residual_tolerance": 1e-12}
     return shaken
 
 

@@ -7,7 +7,7 @@ import json
 import h5py
 import numpy as np
 import pytest
-from jobs import attrito, attrito_here, chain, run, table, wedge, write_job
+from jobs import attrito, attrito_here, by_samples, chain, run, table, wedge, write_job
 from matplotlib.collections import LineCollection
 from mpi4py import MPI
 
@@ -23,8 +23,11 @@ def rubbing_wedge(**balance) -> dict:
 
 
 def rubbing_chain(**balance) -> dict:
-    """Contacts with two tangents, which go by samples."""
-    return chain(2, 2) | {"balance": balance, "sweep": {"frequencies_hz": [107.0, 104.5, 102.0, 99.5, 97.0]}}
+    """Contacts with two tangents, by samples."""
+    return by_samples(chain(2, 2)) | {
+        "balance": balance,
+        "sweep": {"frequencies_hz": [107.0, 104.5, 102.0, 99.5, 97.0]},
+    }
 
 
 def solved(folder, job, monitor):
@@ -74,7 +77,7 @@ def here(folder, job):
 def wedge_truth(tmp_path_factory):
     """Coefficients of 60 harmonics, by events: the next ones change the amplitude by less than 1e-6."""
     folder = tmp_path_factory.mktemp("truth")
-    _, estimate, _, _ = solved(folder, rubbing_wedge(harmonics=60, samples=512), "x")
+    _, estimate, _, _ = solved(folder, rubbing_wedge(harmonics=60), "x")
     assert estimate.max() < 1e-6
     return series(folder, "x")
 
@@ -174,7 +177,7 @@ def test_a_tolerance_is_kept_with_fewer_harmonics_where_it_is_loose(tmp_path, we
     assert harmonics.max() <= 3 / tolerance**0.5
 
 
-def test_a_tolerance_chooses_samples_where_contacts_have_two_tangents(tmp_path):
+def test_a_tolerance_chooses_samples_where_contacts_go_by_them(tmp_path):
     amplitude, estimate, _, samples = solved(tmp_path, rubbing_chain(tolerance=1e-4), "end")
     loose = solved(tmp_path, rubbing_chain(tolerance=1e-1), "end")[3]
     truth = solved(tmp_path, rubbing_chain(harmonics=20, samples=1024), "end")[0]
@@ -234,7 +237,7 @@ def outcomes(folder) -> list[tuple[str, str, str]]:
 
 def test_a_point_whose_error_is_above_the_tolerance_has_that_outcome_and_the_run_ends_with_1(tmp_path):
     # Three fixed harmonics are wrong by half a percent where the wedge lifts off; nothing is left to choose.
-    job = rubbing_wedge(harmonics=3, quadrature="event", tolerance=1e-3) | {"stability": {"method": "monodromy"}}
+    job = rubbing_wedge(harmonics=3, tolerance=1e-3) | {"stability": {"method": "monodromy"}}
     done = run(tmp_path, job, code=1)
     found = outcomes(tmp_path)
     with h5py.File(tmp_path / "result.h5") as file:
@@ -263,7 +266,7 @@ def test_a_job_that_gives_neither_harmonics_nor_tolerance_has_a_tolerance_of_a_h
     assert harmonics.min() < harmonics.max()
     with h5py.File(tmp_path / "result.h5") as file:
         balance = json.loads(file.attrs["job"])["balance"]
-    assert (balance["tolerance"], balance["harmonics"], balance["quadrature"]) == (0.01, "auto", "auto")
+    assert (balance["tolerance"], balance["harmonics"]) == (0.01, "auto")
 
 
 def test_samples_alone_are_the_fewest_that_are_chosen(tmp_path):
@@ -272,7 +275,7 @@ def test_samples_alone_are_the_fewest_that_are_chosen(tmp_path):
 
 
 def test_samples_are_of_no_account_where_contacts_go_by_events(tmp_path, wedge_amplitude):
-    job = rubbing_wedge(harmonics=60, quadrature="event", samples=8)
+    job = rubbing_wedge(harmonics=60, samples=8)
     job["output"]["monitors"] = job["output"]["monitors"][:1]
     amplitude = solved(tmp_path, job, "x")[0]
     assert amplitude == pytest.approx(wedge_amplitude, rel=1e-8)
@@ -322,7 +325,7 @@ def ringing(frequency_hz: float, harmonic: int, **balance) -> dict:
 
 @pytest.mark.parametrize("harmonic", [5, 11, 13, 21])
 def test_a_resonance_beyond_three_times_the_harmonics_is_seen(tmp_path, harmonic):
-    truth = solved(tmp_path, ringing(70.0, harmonic, harmonics=60, samples=512), "light")[0]
+    truth = solved(tmp_path, ringing(70.0, harmonic, harmonics=60), "light")[0]
     blind = solved(tmp_path, ringing(70.0, harmonic, harmonics=3), "light")[0]
     assert abs(blind[0] / truth[0] - 1.0) > 0.03, "the oscillator does not ring: the test is void"
     amplitude, estimate, harmonics, _ = solved(tmp_path, ringing(70.0, harmonic, tolerance=0.01), "light")

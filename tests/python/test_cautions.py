@@ -35,15 +35,23 @@ def test_a_sound_scene_brings_no_warning(tmp_path, capfd):
     assert warnings_of(tmp_path, capfd, wedge()) == []
 
 
-@pytest.mark.parametrize("value", ["all", "auto"])
-def test_a_key_without_an_effect_is_accepted_and_named_once(tmp_path, capfd, value):
+@pytest.mark.parametrize(
+    ("key", "value", "instead"),
+    [
+        ("contacts", "all", "every pair is solved"),
+        ("contacts", "auto", "every pair is solved"),
+        ("quadrature", "sampled", "contacts go by events, friction by pressure by samples"),
+        ("samples", 64, "contacts go by events"),
+    ],
+)
+def test_a_key_without_an_effect_is_accepted_and_named_once(tmp_path, capfd, key, value, instead):
     job = wedge()
     job["sweep"] = {"frequencies_hz": [130.0, 132.0], "levels": [1.0, 0.5]}
     assert warnings_of(tmp_path, capfd, job) == []
     (tmp_path / "result.h5").rename(tmp_path / "without.h5")
-    job["balance"] = job.get("balance", {}) | {"contacts": value}
+    job["balance"] = job.get("balance", {}) | {key: value}
     said = warnings_of(tmp_path, capfd, job)
-    assert said == ["job.toml: [balance] contacts has no effect: every pair is solved; the key can be deleted"]
+    assert said == [f"job.toml: [balance] {key} has no effect: {instead}; the key can be deleted"]
     with Result(tmp_path / "result.h5") as own, Result(tmp_path / "without.h5") as other:
         assert own.attribute("job") == other.attribute("job")
         assert np.array_equal(own.array("/contacts/force"), other.array("/contacts/force"))

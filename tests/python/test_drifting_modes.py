@@ -96,7 +96,7 @@ def test_points_that_drift_have_no_derivatives_and_say_so(tmp_path):
 
 def test_loads_in_place_of_the_excitation_keep_up_that_motion_and_drift_in_time(tmp_path):
     job = rocking_block()
-    job["balance"] = {"harmonics": 7, "samples": 256}
+    job["balance"] = {"harmonics": 7}
     followed(tmp_path, job)
     with h5py.File(tmp_path / "result.mode.h5") as file:
         series, slider = file["points/coordinates"][-1], file["contacts/slider"][-1]

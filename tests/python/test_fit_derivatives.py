@@ -77,7 +77,7 @@ def test_derivatives_of_modes_are_those_by_differences(
 ) -> None:
     """Also by the preload, whose static path leaves other sliders."""
     job = wedge(STIFFNESS)
-    job["balance"] = {"harmonics": 3, "quadrature": "event", "residual_tolerance": 1e-12}
+    job["balance"] = {"harmonics": 3, "residual_tolerance": 1e-12}
     job["static"] = {"load_path": [0.0, 1.0]}
     job["mode"] = {"start": 1e-5, "stop": 5e-4, "points": 8}
     lines = [f"amplitude,{frequency},damping_ratio", "2e-4,120.0,0.05", "5e-4,110.0,0.1", "1e-3,105.0,0.1"]

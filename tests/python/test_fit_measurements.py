@@ -122,7 +122,7 @@ def test_a_loop_and_a_response_are_fitted_together(tmp_path: Path) -> None:
     """The loop has the friction alone, as it slips at once; the response, stuck, the stiffness alone."""
     job = wedge(3.0e5, force=0.1)
     job["contact"] = [contact | {"preload": 30.0} for contact in job["contact"]]
-    job["balance"] = {"harmonics": 1, "quadrature": "event"}
+    job["balance"] = {"harmonics": 1}
     write_job(tmp_path, job)
     frequencies = np.linspace(110.0, 140.0, 7)
     turns = np.arange(0.0, 1.0, 1.0 / 16.0)
@@ -152,7 +152,7 @@ def test_a_loop_of_a_solved_point_gives_stiffness_and_friction(tmp_path: Path, m
     """From the loop that the result of a run has, begun somewhere, with other zeros."""
     job = wedge(3.0e5, force=60.0)
     job["contact"] = [contact | {"preload": 30.0, "friction_coefficient": 0.6} for contact in job["contact"]]
-    job["balance"] = {"harmonics": 3, "quadrature": "event"}
+    job["balance"] = {"harmonics": 3}
     job["sweep"] = {"frequencies_hz": [125.0]}
     run(tmp_path, job)
     with Result(str(tmp_path / "result.h5")) as result:

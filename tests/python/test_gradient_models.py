@@ -89,7 +89,7 @@ def wedge(folder: Path, **changes: object) -> str:
     """The wedge where it slips, with its study."""
     made = jobs.wedge(force=1.0)
     made["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
-    made["balance"] = {"harmonics": 3, "quadrature": "event"}
+    made["balance"] = {"harmonics": 3}
     made["static"] = {"load_path": [0.0, 1.0]}
     made["peak"] = {"start": 25.0}
     jobs.write_job(folder, made)
@@ -201,7 +201,7 @@ def test_bands_of_a_stuck_contact_are_those_of_the_linear_system(
     made = jobs.wedge(force=1.0)
     made["contact"] = [contact | {"normal_stiffness": 3.0e5} for contact in made["contact"]]
     made["sweep"] = {"start_hz": 95.0, "stop_hz": 150.0}
-    made["balance"] = {"harmonics": 1, "quadrature": "event"}
+    made["balance"] = {"harmonics": 1}
     made["static"] = {"load_path": [0.0, 1.0]}
     made["peak"] = {"start": 1e-3}
     jobs.write_job(tmp_path, made)

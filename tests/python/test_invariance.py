@@ -20,7 +20,6 @@ def jobs():
     sweep = wedge(force=5.0)
     sweep["sweep"] = {"start_hz": 140.0, "stop_hz": 125.0}
     family = wedge(force=1.0)
-    family["balance"] |= {"quadrature": "sampled"}
     family["sweep"] = {"frequencies_hz": [132.0, 125.0]}
     opening = wedge(force=30.0)
     opening["balance"] = {"tolerance": 0.01}
@@ -91,7 +90,7 @@ def largest(values):
 @pytest.mark.parametrize("ranks", [2, 3])
 def test_ranks_change_nothing_where_contacts_slip_stick_and_are_started_in_time(tmp_path, tangents, ranks):
     job = chain(12, tangents)
-    job["balance"] = {"harmonics": 5, "samples": 128, "residual_tolerance": 1e-13}
+    job["balance"] = {"harmonics": 5, "residual_tolerance": 1e-13}
     job["static"] = {"bounds": "none"}
     job["load"][1] = {"kind": "harmonic", "cosine": [[i, 40.0 * float(np.cos(i))] for i in range(12)]}
     # Points that motion in time leads to are among them; it leaves the sliders of contacts that stick.

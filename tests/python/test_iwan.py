@@ -98,9 +98,8 @@ def in_folder(folder: Path, job: Job, ranks: int | None = None) -> Path:
     return folder
 
 
-@pytest.mark.parametrize("quadrature", ["event", "sampled"])
-def test_a_point_is_that_of_plain_contacts_side_by_side(tmp_path, quadrature):
-    job = rubbing_wedge(quadrature=quadrature)
+def test_a_point_is_that_of_plain_contacts_side_by_side(tmp_path):
+    job = rubbing_wedge()
     folders = [in_folder(tmp_path / name, each) for name, each in (("law", job), ("plain", side_by_side(job)))]
     together, apart = (table(folder)[0] for folder in folders)
     for key in ("x_amplitude", "x_mean", "y_amplitude", "y_mean"):
@@ -120,7 +119,7 @@ def test_a_point_is_that_of_plain_contacts_side_by_side(tmp_path, quadrature):
 
 
 def test_the_balance_has_the_amplitude_of_exact_integration_in_time(tmp_path):
-    job = rubbing_wedge(harmonics=40, quadrature="event")
+    job = rubbing_wedge(harmonics=40)
     balance = table(in_folder(tmp_path / "law", job))[0]
     # Sliders that never slip stay where the point has them: another start would lead to another member of the family.
     exact = side_by_side(job)
@@ -202,7 +201,6 @@ def several(sliders: int = 5) -> Job:
     job = chain(contacts=5)
     for i in (1, 2, 4):
         job["contact"][i] |= iwan(sliders + i)
-    job["balance"]["quadrature"] = "event"
     return job
 
 
@@ -241,7 +239,7 @@ def test_a_run_resumed_after_every_point_gives_the_same_file_bit_for_bit(tmp_pat
 
 
 def test_a_sweep_that_begins_at_a_stored_point_takes_up_all_sliders(tmp_path):
-    job = rubbing_wedge(quadrature="event")
+    job = rubbing_wedge()
     job["sweep"] = {"start_hz": 134.0, "stop_hz": 131.0}
     in_folder(tmp_path / "first", job)
     job["continuation"] = {"start": "point:2", "start_file": str(tmp_path / "first/result.h5")}
@@ -254,7 +252,7 @@ def test_a_sweep_that_begins_at_a_stored_point_takes_up_all_sliders(tmp_path):
 
 
 def test_peaks_and_their_derivatives_are_those_of_plain_contacts_side_by_side(tmp_path):
-    job = rubbing_wedge(harmonics=3, quadrature="event")
+    job = rubbing_wedge(harmonics=3)
     job["sweep"] = {"start_hz": 150.0, "stop_hz": 110.0}
     # Every slider slips there, so that points are unique.
     job["peak"] = {"parameter": "level", "start": 2.0, "stop": 4.0, "values": [2.6, 3.2]}
@@ -272,7 +270,7 @@ def test_peaks_and_their_derivatives_are_those_of_plain_contacts_side_by_side(tm
 
 
 def test_tables_plots_and_the_report_take_contacts_of_several_elements(tmp_path):
-    job = rubbing_wedge(quadrature="event")
+    job = rubbing_wedge()
     job["static"]["bounds"] = "auto"
     run(tmp_path, job)
     for command in (

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from jobs import Job, attrito, table, write_job
+from jobs import Job, attrito, by_samples, table, write_job
 from mode_jobs import rubbing, weakly_damped_wedge
 
 
@@ -60,8 +60,8 @@ def test_the_estimate_is_the_error_against_a_series_six_times_as_long(tmp_path, 
 
 
 def test_the_estimate_sees_samples(tmp_path):
-    job = rubbing(harmonics=7)
-    job["balance"] |= {"quadrature": "sampled", "samples": 64}
+    job = by_samples(rubbing(harmonics=7))
+    job["balance"] |= {"samples": 64}
     rows = rows_of(tmp_path / "sampled", job)
     references = rows_of(tmp_path / "events", rubbing(harmonics=42))
     slipping = [

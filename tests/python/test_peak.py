@@ -355,11 +355,11 @@ def test_a_peak_at_a_corner_is_said_to_be_one_and_falls_on_either_side():
 
 @pytest.mark.parametrize("way", ["preload_down", "level_up"])
 def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken(way):
-    # A wedge with two tangents: its response has corners where samples begin to slip, and several maxima near the peak.
+    # A wedge with two tangents by samples: its response has corners where these begin to slip, and several maxima.
     # Followed in the level, a maximum and a minimum are nearer to each other than a step uphill is long.
     scene = peaks_scenes.make(1, 15)
     job = peaks.keys_of(scene, way)
-    options = Options(harmonics=5, samples=128, by_events=True)
+    options = Options(harmonics=5, samples=128)
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
         curve = follow(solver, job, scene.reduced, peaks.PATH)
         peak = next(one for one in curve if one.peak.parameter == job["peak"]["values"][0]).peak

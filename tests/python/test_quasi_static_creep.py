@@ -30,7 +30,7 @@ def pushed(stiffness_across: float) -> Job:
     }
     job["contact"] = [job["contact"][0] | {"normal": [[2, 1.0]]}, weak]
     job["load"] = [{"name": "press", "kind": "static", "dofs": [[2, 46.875], [1, PUSH]]}]
-    job["balance"] = {"harmonics": 1, "samples": 128}
+    job["balance"] = {"harmonics": 1}
     job["mode"] = {"method": "quasi_static", "near_hz": 45.0, "start": 1.0e-3, "stop": 1.0e-2, "points": 4, "steps": 64}
     return job
 

@@ -39,7 +39,7 @@ def rubbing(tangents: int) -> Job:
 def of_two_levels() -> Job:
     """Two sweeps there and back of the wedge, one with every contact stuck; with stability and bounds."""
     job = wedge(force=1.0)
-    job["balance"] = {"harmonics": 3, "quadrature": "event"}
+    job["balance"] = {"harmonics": 3}
     job["sweep"] = {"start_hz": 136.0, "stop_hz": 134.5, "levels": [0.5, 5.0]}
     job["continuation"] = {"both_directions": True}
     job["stability"] = {"method": "monodromy"}

@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from jobs import attrito, blocks, chain, run, table, wedge, write_blocks, write_job
+from jobs import attrito, blocks, by_samples, chain, run, table, wedge, write_blocks, write_job
 
 POINT_COLUMNS = (
     "point,branch,frequency_hz,converged,outcome,stable,unique,period,iterations,estimate,"
@@ -303,8 +303,8 @@ def test_a_reduced_model_without_modes_inside_goes_through_every_command(tmp_pat
         assert rom["reduction"].attrs["worst_error"] > 1e-3
 
 
-@pytest.mark.parametrize("quadrature", ["event", "sampled"])
-def test_bodies_that_only_friction_holds_find_their_equilibrium(tmp_path, quadrature):
+@pytest.mark.parametrize("law", [dict, by_samples], ids=["by events", "by samples"])
+def test_bodies_that_only_friction_holds_find_their_equilibrium(tmp_path, law):
     """Two masses joined by a spring k and pressed on the ground by P each are pushed apart by F > mu P: both slip.
 
     Nothing else holds them along x, so the Jacobian of the slipping state is singular. Each moves by (F - mu P)/(2 k).
@@ -312,21 +312,18 @@ def test_bodies_that_only_friction_holds_find_their_equilibrium(tmp_path, quadra
     k, pressing, friction, pushing = 1.0e5, 100.0, 0.3, 80.0
     contact = {"tangential_stiffness": 2.0e6, "normal_stiffness": 2.0e6, "friction_coefficient": friction}
     stiffness = [[k, -k, 0.0, 0.0], [-k, k, 0.0, 0.0], [0.0] * 4, [0.0] * 4]
-    run(
-        tmp_path,
-        {
-            "model": {"mass": np.eye(4).tolist(), "stiffness": stiffness},
-            "damping": {"ratio": 0.01},
-            "contact": [contact | {"tangents": [[[i, 1.0]]], "normal": [[2 + i, 1.0]]} for i in range(2)],
-            "load": [
-                {"kind": "static", "dofs": [[0, -pushing], [1, pushing], [2, pressing], [3, pressing]]},
-                {"kind": "harmonic", "cosine": [[0, 1.0e-6], [1, 2.0e-6]]},
-            ],
-            "balance": {"quadrature": quadrature},
-            "sweep": {"frequencies_hz": [50.0]},
-            "output": {"file": "result.h5", "monitors": [{"name": "apart", "dofs": [[0, -0.5], [1, 0.5]]}]},
-        },
-    )
+    job = {
+        "model": {"mass": np.eye(4).tolist(), "stiffness": stiffness},
+        "damping": {"ratio": 0.01},
+        "contact": [contact | {"tangents": [[[i, 1.0]]], "normal": [[2 + i, 1.0]]} for i in range(2)],
+        "load": [
+            {"kind": "static", "dofs": [[0, -pushing], [1, pushing], [2, pressing], [3, pressing]]},
+            {"kind": "harmonic", "cosine": [[0, 1.0e-6], [1, 2.0e-6]]},
+        ],
+        "sweep": {"frequencies_hz": [50.0]},
+        "output": {"file": "result.h5", "monitors": [{"name": "apart", "dofs": [[0, -0.5], [1, 0.5]]}]},
+    }
+    run(tmp_path, law(job))
     (row,) = table(tmp_path)
     # The excitation of 1e-6 N moves the limit of friction, and so the means, by some 1e-8 of them.
     assert row["outcome"] == "converged"
@@ -384,15 +381,14 @@ def test_a_mass_that_only_its_contact_holds_is_solved_with_every_damping(tmp_pat
     assert free == pytest.approx(1.0 / omega**2, rel=1.0e-2)
 
 
-@pytest.mark.parametrize("quadrature", ["event", "sampled"])
-def test_a_static_path_passes_the_closing_of_a_gap(tmp_path, quadrature):
+@pytest.mark.parametrize("law", [dict, by_samples], ids=["by events", "by samples"])
+def test_a_static_path_passes_the_closing_of_a_gap(tmp_path, law):
     """One step ends where the contact just closes, N = 0 to the last digit, and the next begins to slip."""
     job = wedge(1.0e6, 1.0)
     job["contact"][0]["gap"] = 9.0e-6
     job["load"][0]["dofs"] = [[0, 30.0], [1, 100.0]]
     job["static"] = {"load_path": [0.0, 0.22500000000000003, 0.23, 1.0]}
-    job["balance"]["quadrature"] = quadrature
-    run(tmp_path, job)
+    run(tmp_path, law(job))
     (row,) = table(tmp_path)
     assert row["outcome"] == "converged"
 

@@ -33,7 +33,7 @@ def study(folder: Path, capfd: pytest.CaptureFixture[str], design: str, **change
     """The peaks of the wedge where it slips, for some friction and preload."""
     made = jobs.wedge(force=1.0)
     made["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
-    made["balance"] = {"harmonics": 3, "quadrature": "event"}
+    made["balance"] = {"harmonics": 3}
     made["static"] = {"load_path": [0.0, 1.0]}
     made["peak"] = {"start": 25.0}
     jobs.write_job(folder, made)

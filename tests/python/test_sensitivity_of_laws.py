@@ -17,7 +17,7 @@ import attrito
 
 def test_by_the_numbers_of_iwan_s_law(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     job = pressed(wedge(force=20.0), law="iwan", chi=-0.4, beta=0.5, sliders=5)
-    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["balance"] = {"harmonics": 5, "residual_tolerance": 1e-13}
     job["sweep"] = {"frequencies_hz": [125.0]}
     names = [f"contact[0].{key}" for key in ("chi", "beta", "friction_coefficient", "tangential_stiffness")]
     compared(tmp_path, job, STEP, 1e-6, capfd, names)
@@ -26,7 +26,7 @@ def test_by_the_numbers_of_iwan_s_law(tmp_path: Path, capfd: pytest.CaptureFixtu
 def test_of_a_peak_by_the_numbers_of_iwan_s_law(tmp_path: Path) -> None:
     # So large that every element slips: those that rest would be moved by the way to the peak.
     job = pressed(wedge(force=60.0), law="iwan", chi=-0.4, beta=0.5, sliders=5)
-    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["balance"] = {"harmonics": 5, "residual_tolerance": 1e-13}
     job["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
     job["peak"] = {"start": 1.0, "stop": 1.01}
 
@@ -75,7 +75,7 @@ def test_by_a_table_of_friction_by_pressure_along_two_tangents(
 def test_of_forces_along_both_tangents_by_damping(tmp_path: Path, damping: str) -> None:
     """On one rank against differences, on two as on one."""
     job = pressed(chain(2, 2)) | {"damping": {damping: 0.02}}
-    job["balance"] = {"harmonics": 3, "samples": 128, "residual_tolerance": 1e-13}
+    job["balance"] = {"harmonics": 3, "residual_tolerance": 1e-13}
     job["sweep"] = {"frequencies_hz": [79.0], "levels": [6.0]}
     names = [f"damping.{damping}", "contact[0].friction_coefficient", "load.press", "level"]
     of = ["contact[0].t1_mean", "contact[0].t2_mean", "contact[1].n_mean", "dissipated_energy"]
@@ -114,7 +114,7 @@ def test_points_that_begin_at_the_load_path_s_sliders_change_with_it(
     job["load"].append({"name": "push", "kind": "static", "dofs": [[0, push], [1, -push]]})
     pushed = {"preload": 1.0, "push": 1.0}
     job["static"] = {"load_path": [{"preload": 1.0}, pushed, {"preload": 1.0}], "slider": "reset"}
-    job["balance"] = {"harmonics": 3, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["balance"] = {"harmonics": 3, "residual_tolerance": 1e-13}
     job["sweep"] = {"frequencies_hz": [120.0]}
     names = [f"contact[0].{key}" for key in ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "gap")]
     compared(tmp_path, job, STEP, 1e-6, capfd, [*names, "load.preload", "load.push", "level"])
@@ -132,7 +132,7 @@ def test_a_loop_that_forgets_the_load_path_s_sliders_follows_along_two_tangents(
     """
     job = pressed(chain(2, 2))
     job["static"]["slider"] = "reset"
-    job["balance"] = {"harmonics": 3, "samples": 128, "residual_tolerance": 1e-13}
+    job["balance"] = {"harmonics": 3, "residual_tolerance": 1e-13}
     job["sweep"] = {"frequencies_hz": [79.0], "levels": [level]}
     names = [f"contact[{i}].{key}" for i in range(2) for key in ("friction_coefficient", "preload")]
     compared(tmp_path, job, SHORT_STEP, 1e-4, capfd, [*names, "load.press", "level"])
@@ -141,7 +141,7 @@ def test_a_loop_that_forgets_the_load_path_s_sliders_follows_along_two_tangents(
 
 def test_of_waves_in_a_wheel(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     job = lumped_sector()
-    job["balance"] = {"harmonics": 3, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["balance"] = {"harmonics": 3, "residual_tolerance": 1e-13}
     job["sweep"] = {"frequencies_hz": [29.0]}
     names = [
         f"contact[{i}].{key}" for i in range(2) for key in ("tangential_stiffness", "friction_coefficient", "preload")
@@ -152,7 +152,7 @@ def test_of_waves_in_a_wheel(tmp_path: Path, capfd: pytest.CaptureFixture[str]) 
 
 def test_of_the_peak_of_a_wave(tmp_path: Path) -> None:
     job = lumped_sector()
-    job["balance"] = {"harmonics": 3, "quadrature": "event", "residual_tolerance": 1e-13}
+    job["balance"] = {"harmonics": 3, "residual_tolerance": 1e-13}
     job["sweep"] = {"start_hz": 38.0, "stop_hz": 56.0}
     job["peak"] = {"start": 1.0, "stop": 1.01}
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import incremental
 import numpy as np
 import pytest
-from jobs import run, table, wedge
+from jobs import by_samples, run, table, wedge
 from mpi4py import MPI
 
 from attrito.library.integrator import Integrator
@@ -143,18 +143,17 @@ def test_time_integration_starts_where_a_run_does(seed):
     assert np.all(velocity == 0.0)
 
 
-def stiff_wedge(stiffness: float, quadrature: str):
+def stiff_wedge(stiffness: float):
     job = wedge(force=5.0)
     job["contact"][0] |= {"tangential_stiffness": stiffness, "normal_stiffness": stiffness}
-    job["balance"] |= {"quadrature": quadrature}
     job["sweep"] = {"frequencies_hz": [100.0]}
     return job
 
 
-@pytest.mark.parametrize("quadrature", ["event", "sampled"])
+@pytest.mark.parametrize("law", [dict, by_samples], ids=["by events", "by samples"])
 @pytest.mark.parametrize("stiffness", [5e12, 1e13, 1e14, 1e15])
-def test_contacts_up_to_ten_thousand_million_times_as_stiff_as_the_body_are_solved(tmp_path, stiffness, quadrature):
-    run(tmp_path, stiff_wedge(stiffness, quadrature))
+def test_contacts_up_to_ten_thousand_million_times_as_stiff_as_the_body_are_solved(tmp_path, stiffness, law):
+    run(tmp_path, law(stiff_wedge(stiffness)))
     (row,) = table(tmp_path)
     # All stuck: contacts alike in both directions add to the stiffness's diagonal, and the force along x is -5/sqrt 2.
     assert row["outcome"] == "converged"
@@ -164,10 +163,10 @@ def test_contacts_up_to_ten_thousand_million_times_as_stiff_as_the_body_are_solv
     )
 
 
-@pytest.mark.parametrize("quadrature", ["event", "sampled"])
+@pytest.mark.parametrize("law", [dict, by_samples], ids=["by events", "by samples"])
 @pytest.mark.parametrize("stiffness", [1e17, 1e18, 1e20, 1e22])
-def test_contacts_too_stiff_for_the_digits_of_a_number_are_refused_by_name(tmp_path, stiffness, quadrature):
-    done = run(tmp_path, stiff_wedge(stiffness, quadrature), code=1)
+def test_contacts_too_stiff_for_the_digits_of_a_number_are_refused_by_name(tmp_path, stiffness, law):
+    done = run(tmp_path, law(stiff_wedge(stiffness)), code=1)
     assert "so much stiffer than the structure that rounding may hide" in done.stderr
     assert "drifts" not in done.stderr
 
@@ -175,7 +174,7 @@ def test_contacts_too_stiff_for_the_digits_of_a_number_are_refused_by_name(tmp_p
 @pytest.mark.parametrize("springs", [1.0, 0.01])
 def test_a_body_on_weak_springs_that_contacts_hold_is_solved_whatever_their_stiffness(tmp_path, springs):
     # Both coordinates stick: the force moves the contact's spring, beside which all others, and inertia, are nothing.
-    job = stiff_wedge(1e13, "event")
+    job = stiff_wedge(1e13)
     job["model"] |= {"stiffness": [[springs, 0.0], [0.0, springs]]}
     job["contact"][0] |= {"normal": [[1, 1.0]], "tangents": [[[0, -1.0]]]}
     run(tmp_path, job)

@@ -144,7 +144,7 @@ def mixed_chain(harmonics=3, bounds="sampled"):
     """Three contacts of which one slips and two are free: what these hold presses on it and moves its amplitude."""
     job = tilted_chain()
     job["load"][1] |= {"cosine": [[0, 12.0]], "sine": [[0, 6.0]]}
-    job["balance"] = {"harmonics": harmonics, "samples": 128 + 4 * harmonics}
+    job["balance"] = {"harmonics": harmonics}
     job["static"] = {"bounds": bounds}
     job["sweep"] = {"frequencies_hz": [85.0]}
     return job

@@ -13,7 +13,7 @@ PRELOAD = 420.0
 def wedge_peak() -> Job:
     """The wedge under 1 N, the peak in its level."""
     job = tomllib.loads((Path(__file__).resolve().parents[2] / "input" / "wedge_peak.toml").read_text())
-    job["balance"] = {"harmonics": 5, "quadrature": "event", "residual_tolerance": 1e-12}
+    job["balance"] = {"harmonics": 5, "residual_tolerance": 1e-12}
     job["output"]["file"] = "result.h5"
     return job
 

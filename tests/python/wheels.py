@@ -40,7 +40,7 @@ def lumped_sector(sectors: int = 5, engine_order: int = 2) -> dict[str, Any]:
             {"normal": [[1, 1.0]], "tangents": [[[2, 1.0]]], **law},
         ],
         "load": [{"name": "wake", "kind": "harmonic", "cosine": [[0, 5.0]], "sine": [[1, 2.0]]}],
-        "balance": {"harmonics": 3, "samples": 120},
+        "balance": {"harmonics": 3},
         "sweep": {"start_hz": 40.0, "stop_hz": 20.0},
         "output": {"file": "result.h5", "monitors": [{"name": "blade", "dofs": [[0, 1.0]]}]},
     }

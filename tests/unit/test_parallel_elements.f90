@@ -182,7 +182,6 @@ contains
     integer :: met(0:3), seed, i
 
     quadrature = quadrature_of(.true.)
-    quadrature%exact = .true.
     quadrature%discs = new_disc_rules(harmonics)
     met = 0
     do seed = 1, 24

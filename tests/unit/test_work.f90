@@ -40,7 +40,6 @@ contains
 
     quadrature%by_events = .true.
     call check_close(error, 4.0_wp*work_of(1, 15, quadrature, .true.), work_of(1, 15, quadrature, .false.), 0.0_wp, 'one tangent')
-    quadrature%exact = .true.
     ! Nodes of slip in proportion to k, and at each all coefficients: without Jacobian no k^3 is left.
     call check_close(error, work_of(2, 15, quadrature, .true.), 2.0_wp*15*(7*15 + 600), 0.0_wp, 'two tangents')
     call check_close(error, work_of(2, 15, quadrature, .false.), 5.0_wp*15*(12*15**2 + 48*15 + 600), 0.0_wp, 'two tangents')

@@ -51,7 +51,6 @@ class ModeBench:
         rom, _ = make_rom(comm, job, scene, say)
         self._scene = reduced_scene(job, scene, rom)
         self._options = series_of_mode(solver_options(job, rom))
-        self._tangents = int(self._scene.laws["tangents"].max())
         self._amplitudes = amplitudes(job)
         # Frequency and damping ratio of the reference `[2, amplitudes]`
         self._reference = np.empty((2, 0))
@@ -99,8 +98,7 @@ class ModeBench:
 
     def _way(self, method: str, options: Options, steps: int = 0) -> Way:
         seconds, work, found = self._follow(method, options, steps)
-        by_samples = self._tangents == 2 or not options.by_events
-        series = {"harmonics": options.harmonics, "samples": options.samples if by_samples else 0}
+        series = {"harmonics": options.harmonics, "samples": 0 if options.by_events else options.samples}
         settings = {"steps": steps} if steps else series
         label = f"{steps} steps" if steps else f"H = {options.harmonics}"
         if not np.isfinite(found).all():

@@ -33,6 +33,7 @@ from attrito.charts.limited import processor_seconds, within
 from attrito.charts.turns import in_turn
 from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
+from attrito.job.laws import laws_by_samples
 from attrito.job.reading import read_job
 from attrito.library.integrator import Integrator, Run
 from attrito.library.laws import are_coulomb
@@ -62,8 +63,6 @@ REFERENCE = {1: 1e-9, 2: 1e-5}
 REFERENCE_SHARE, WHOLE = 3.0, 15.0
 # Cost of a run against its harmonics and samples: powers of what is foreseen
 HARMONICS_POWER, SAMPLES_POWER = 2.0, 0.5
-# Samples of the balance by samples whose iterations are counted on all coordinates, too
-UNCONDENSED_SAMPLES = 256
 # Shorter runs are repeated, and the least of the times is taken
 SHORT = 0.2
 
@@ -85,6 +84,8 @@ class Bench:
         self._wheel = whole_wheel(self._scene)
         self._options = solver_options(job, self._rom)
         self._tangents = int(self._scene.laws["tangents"].max())
+        # Whether a contact goes by samples whatever is asked for
+        self._by_samples = bool(laws_by_samples(job))
         self._level = job["sweep"]["levels"][-1]
         self._frequencies: list[float] = []
         self._amplitude = np.full(len(self._scene.monitors), np.nan)
@@ -220,21 +221,14 @@ class Bench:
         """All series but that of tolerances; the job's own way is the first if it is not among those."""
         loaded = (len(self._scene.harmonic) - 1) // 2
         ladder = [harmonics for harmonics in HARMONICS if harmonics >= loaded]
-        samples = 8 if self._tangents == 1 else 256
         series = [] if self._is_automatic() else [self._own_way()]
-        if self._tangents == 1:
-            series.append(self._climb("event", (self._fixed(h, 8 * h + 2) for h in ladder)))
+        series.append(self._climb("event", (self._fixed(h, 8 * h + 2) for h in ladder)))
         series += [self._more_samples(harmonics) for harmonics in SAMPLED_HARMONICS if harmonics >= loaded]
         series.append(self._drawn_curves())
-        if self._tangents == 1:
-            series.append(self._climb("uncoupled", (self._fixed(h, 8 * h + 2, uncoupled=True) for h in ladder)))
-        else:
-            frozen = {"by_events": False, "uncoupled": True}
-            series.append(self._climb("uncoupled", (self._fixed(h, samples, **frozen) for h in ladder if h <= 20)))
+        series.append(self._climb("uncoupled", (self._fixed(h, 8 * h + 2, uncoupled=True) for h in ladder)))
         series.append(self._fewer_modes())
         if self._scene.sector is not None:
-            by_events = self._tangents == 1
-            runs = (self._fixed(h, 8 * h + 2 if by_events else samples, by_events=by_events) for h in ladder if h <= 20)
+            runs = (self._fixed(h, 8 * h + 2) for h in ladder if h <= 20)
             series.append(self._climb("wheel", runs, self._wheel))
         return [*series, *self._integrations()]
 
@@ -246,7 +240,7 @@ class Bench:
     def _own_way(self) -> Iterator[Way]:
         """The job's own harmonics and samples."""
         options = self._own()
-        series = "event" if options.by_events and self._tangents == 1 else "sampled"
+        series = "sampled" if self._by_samples else "event"
         way = self._balance(series, self._scene, options, label=_label(series, options))
         self._take_time(options, way)
         yield replace(way, own=True)
@@ -273,8 +267,7 @@ class Bench:
             if counts:
                 self._take_time(options, way)
             yield way
-            exact = series == "event" or (self._tangents == 2 and options.samples == UNCONDENSED_SAMPLES)
-            if counts and exact and not way.note:
+            if series == "event" and not way.note:
                 yield self._uncondensed(way)
             if way.too_long or way.seconds > self._seconds:
                 return
@@ -336,7 +329,7 @@ class Bench:
         last = points[-1]
         found = {
             "harmonics": (last.harmonics.shape[1] - 1) // 2,
-            "samples": last.samples if self._tangents == 2 or not options.by_events else 0,
+            "samples": last.samples if self._by_samples or not options.by_events else 0,
             "seconds": seconds,
             "work": last.work,
         } | settings

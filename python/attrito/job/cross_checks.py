@@ -230,7 +230,7 @@ def _check_balance(job: Job) -> list[Fault]:
     harmonics, samples = job["balance"]["harmonics"], job["balance"]["samples"]
     if not isinstance(harmonics, int):
         return faults
-    if samples is not None and samples < 4 * harmonics + 2 and _goes_by_samples(job):
+    if samples is not None and samples < 4 * harmonics + 2 and laws_by_samples(job):
         expected = f"at least {4 * harmonics + 2} samples for {harmonics} harmonics"
         faults.append(job.fault("[balance] samples", samples, expected))
     for i, load in enumerate(job["load"]):
@@ -238,15 +238,6 @@ def _check_balance(job: Job) -> list[Fault]:
             expected = f"a harmonic that is solved for: at most {harmonics}"
             faults.append(job.fault(f"load[{i}] harmonic", load["harmonic"], expected))
     return faults
-
-
-def _goes_by_samples(job: Job) -> bool:
-    """Whether any contact goes by samples."""
-    quadrature = job["balance"]["quadrature"]
-    two = [len(contact["tangents"] or []) == 2 for contact in job["contact"]]
-    two += [contacts["tangents"] == 2 for contacts in job["contact_set"]]
-    by_samples = quadrature == "sampled" or (any(two) and quadrature != "exact")
-    return by_samples or bool(laws_by_samples(job))
 
 
 def _check_stability(job: Job) -> list[Fault]:

@@ -15,14 +15,12 @@ MODES_SHARE = 0.25
 
 
 def fill_accuracy(job: Job) -> None:
-    """What follows from one another: a tolerance chooses all that is not given, and what is "auto" has a tolerance."""
+    """What follows from one another: a tolerance chooses what is not given, and harmonics "auto" have a tolerance."""
     balance, reduction = job["balance"], job["reduction"]
     given = balance["tolerance"] is not None
     if balance["harmonics"] is None:
         balance["harmonics"] = "auto"
-    if balance["quadrature"] is None:
-        balance["quadrature"] = "auto" if given or balance["harmonics"] == "auto" else "event"
     if reduction["modes"] == "auto" and reduction["error"] is None:
         reduction["error"] = MODES_SHARE * balance["tolerance"] if given else MODE_ERROR
-    if not given and "auto" in (balance["harmonics"], balance["quadrature"]):
+    if not given and balance["harmonics"] == "auto":
         balance["tolerance"] = TOLERANCE

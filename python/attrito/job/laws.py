@@ -5,7 +5,7 @@ A contact law has one entry in `RULES`, by its name in `attrito.library.names.LA
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -74,9 +74,9 @@ RULES = {
 }
 
 
-def laws_of(job: Job) -> dict[str, str]:
+def laws_of(job: Job | Mapping[str, Any]) -> dict[str, str]:
     """Laws of a job's contacts by the keys that ask for them."""
-    keys = {f"{name}[{i}] law": keys["law"] for name in TABLES for i, keys in enumerate(job[name])}
+    keys = {f"{name}[{i}] law": keys.get("law") for name in TABLES for i, keys in enumerate(job[name])}
     return {key: law for key, law in keys.items() if law is not None}
 
 
@@ -85,7 +85,7 @@ def laws_beside_coulomb(job: Job) -> dict[str, str]:
     return {key: law for key, law in laws_of(job).items() if law != "coulomb"}
 
 
-def laws_by_samples(job: Job) -> dict[str, str]:
+def laws_by_samples(job: Job | Mapping[str, Any]) -> dict[str, str]:
     """Contact laws without events, by the keys that ask for them."""
     return {key: law for key, law in laws_of(job).items() if not RULES[law].has_events}
 

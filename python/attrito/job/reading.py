@@ -14,6 +14,7 @@ from attrito.job.cross_checks import cross_check
 from attrito.job.defaults import fill_accuracy
 from attrito.job.job import Job
 from attrito.job.key import Key
+from attrito.job.laws import laws_by_samples
 from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES
 from attrito.job.settings import apply_settings
 from attrito.support.errors import Fault, InputError
@@ -112,12 +113,17 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True, like: Job | 
 
 def retire(tables: dict[str, Any]) -> list[str]:
     """Take the keys that have no effect any more out of a job's tables; a sentence for each that is given."""
-    retired = [(table, key, spec) for table, keys in TABLES.items() for key, spec in keys.items() if spec.retired]
-    return [
-        f"[{table}] {key} has no effect: {spec.retired}; the key can be deleted"
-        for table, key, spec in retired
-        if tables[table].pop(key, None) is not None
+    retired = [
+        (table, key, spec.retired)
+        for table, keys in TABLES.items()
+        for key, spec in keys.items()
+        if spec.retired and tables[table].pop(key, None) is not None
     ]
+    balance = tables["balance"]
+    if balance.get("samples") is not None and not laws_by_samples(tables):
+        balance["samples"] = None
+        retired.append(("balance", "samples", "contacts go by events"))
+    return [f"[{table}] {key} has no effect: {instead}; the key can be deleted" for table, key, instead in retired]
 
 
 def _check_table(

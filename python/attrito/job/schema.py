@@ -239,23 +239,22 @@ TABLES: dict[str, dict[str, Key]] = {
         "tolerance": Key(
             number(1e-8, 1),
             None,
-            "relative error accepted in the monitors' amplitude: it chooses harmonics and samples where they are not"
+            "relative error accepted in the monitors' amplitude: it chooses harmonics where they are not"
             " given, and a point whose estimated error is larger is `above_tolerance` ([accuracy.md](accuracy.md))."
-            " Absent: 0.01 where harmonics or samples are chosen; with fixed ones the error is estimated, not checked",
+            " Absent: 0.01 where harmonics are chosen; with fixed ones the error is estimated, not checked",
         ),
         "quadrature": Key(
             choice("event", "sampled", "auto", "exact"),
             None,
-            'one-tangent contacts by events, exact, two-tangent ones by samples; all by samples; or, `"auto"`, as by'
-            ' events, with as many samples as the tolerance asks for; or, `"exact"`, two-tangent ones by events, too'
-            ' (new; friction by pressure goes by samples). Absent: `"auto"`, or `"event"` where harmonics are fixed and'
-            " no tolerance is given",
+            "has no effect: contacts go by events, friction by pressure by samples. Older jobs have it",
+            retired="contacts go by events, friction by pressure by samples",
         ),
         "samples": Key(
             integer(8, 2**20),
             None,
-            "a period, of contacts that go by samples; the error falls like samples^-2 ([method.md](method.md)). Where"
-            " samples are chosen, the fewest. Absent: 128, or 6 H + 2 where that is more",
+            'a period, of contacts with `law = "pressure"`; the error falls like samples^-2 ([method.md](method.md)).'
+            " With a tolerance, which chooses them, the fewest. Absent: 128, or 6 H + 2 where that is more. Where no"
+            " contact has that law it has no effect",
         ),
         "contacts": Key(
             choice("all", "auto"),

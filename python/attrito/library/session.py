@@ -43,7 +43,6 @@ class Options:
     reset_slider: bool = False
     uncoupled: bool = False
     by_events: bool = False
-    exact: bool = False
     choose_harmonics: bool = False
     choose_samples: bool = False
     fewest_samples: int = 32

@@ -19,7 +19,7 @@ def solver_options(job: Job, rom: Rom | None = None) -> Options:
     automatic = balance["harmonics"] == "auto"
     loaded = max((load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"), default=1)
     harmonics = max(FIRST_HARMONICS, loaded) if automatic else balance["harmonics"]
-    chosen = balance["quadrature"] == "auto"
+    chosen = balance["tolerance"] is not None
     samples = balance["samples"] or max(FIRST_SAMPLES if chosen else SAMPLES, 6 * harmonics + 2)
     return Options(
         harmonics=harmonics,
@@ -28,8 +28,7 @@ def solver_options(job: Job, rom: Rom | None = None) -> Options:
         tolerance=balance["residual_tolerance"],
         reset_slider=job["static"]["slider"] == "reset",
         uncoupled=balance["approach"] == "uncoupled",
-        by_events=balance["quadrature"] != "sampled",
-        exact=balance["quadrature"] == "exact",
+        by_events=True,
         choose_harmonics=automatic,
         choose_samples=chosen,
         fewest_samples=(balance["samples"] if chosen and balance["samples"] else FEWEST_SAMPLES),
