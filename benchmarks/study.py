@@ -78,7 +78,7 @@ def write_block(folder: Path, fineness: int, level: float) -> None:
     lines += ["[[load]]", 'kind = "static"', f"dofs = {json.dumps(press)}"]
     sine = _terms(top, "y", np.sin(phase) * shake["y"])
     lines += ["[[load]]", 'kind = "harmonic"', f"cosine = {json.dumps(cosine)}", f"sine = {json.dumps(sine)}"]
-    lines += ["[balance]", "harmonics = 3", "samples = 64", "[static]", "steps = 4"]
+    lines += ["[balance]", "harmonics = 3", "[static]", "steps = 4"]
     lines += ["[sweep]", "start_hz = 6000.0", "stop_hz = 9000.0", "[peak]", f"start = {level!r}"]
     monitor = json.dumps([["node", int(top[-1, -1]), "x"], 1.0])
     lines += ["[output]", 'file = "block.h5"', f'monitors = [{{ name = "top", dofs = [{monitor}] }}]']

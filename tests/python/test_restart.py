@@ -212,11 +212,11 @@ def test_another_job_is_not_gone_on_with(cut, tmp_path, capfd):
     copy_of(cut, tmp_path)
     job = rubbing(1)
     job["sweep"]["stop_hz"] = 78.0
-    job["balance"]["samples"] = 64
+    job["balance"]["max_iterations"] = 20
     done = attrito_here(tmp_path, capfd, "run", "--resume", write_job(tmp_path, job))
     assert done.returncode == 2
     lines = done.stderr.splitlines()
-    assert "job.toml: balance.samples = 64: expected 128, as result.h5.partial began with" in lines[0]
+    assert "job.toml: balance.max_iterations = 20: expected 30, as result.h5.partial began with" in lines[0]
     assert "job.toml: sweep.stop_hz = 78.0: expected 80.0, as result.h5.partial began with" in lines[1]
     assert len(lines) == 2
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from attrito.job.defaults import SAMPLES
 from attrito.job.job import Job
+from attrito.job.laws import laws_by_samples
 from attrito.library.session import Options
 from attrito.scene.rom_file import Rom
 
@@ -11,6 +12,8 @@ from attrito.scene.rom_file import Rom
 FIRST_HARMONICS, FIRST_SAMPLES = 3, 64
 # No fewer are chosen
 FEWEST_SAMPLES = 32
+# Where no contact goes by samples, of periods that pass: (2 pi / 256)^2 / 12 = 5e-5 of the forces
+OF_PASSING = 256
 
 
 def solver_options(job: Job, rom: Rom | None = None) -> Options:
@@ -19,8 +22,9 @@ def solver_options(job: Job, rom: Rom | None = None) -> Options:
     automatic = balance["harmonics"] == "auto"
     loaded = max((load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"), default=1)
     harmonics = max(FIRST_HARMONICS, loaded) if automatic else balance["harmonics"]
-    chosen = balance["tolerance"] is not None
-    samples = balance["samples"] or max(FIRST_SAMPLES if chosen else SAMPLES, 6 * harmonics + 2)
+    chosen = balance["tolerance"] is not None and bool(laws_by_samples(job))
+    fewest = FIRST_SAMPLES if chosen else SAMPLES if laws_by_samples(job) else OF_PASSING
+    samples = balance["samples"] or max(fewest, 6 * harmonics + 2)
     return Options(
         harmonics=harmonics,
         samples=max(samples, (6 if automatic else 4) * harmonics + 2),
