@@ -186,6 +186,16 @@ def test_a_tolerance_chooses_samples_where_contacts_go_by_them(tmp_path):
     assert samples.max() > loose.max()
 
 
+def test_a_tolerance_is_kept_along_two_tangents_by_events(tmp_path):
+    # Rough panels of estimates leave 2e-5 of the forces in general, and less of these that open nowhere.
+    sweep = {"sweep": {"frequencies_hz": [107.0, 104.5, 102.0, 99.5, 97.0]}}
+    amplitude, estimate, harmonics, _ = solved(tmp_path, chain(2, 2) | sweep | {"balance": {"tolerance": 1e-5}}, "end")
+    truth = solved(tmp_path, chain(2, 2) | sweep | {"balance": {"harmonics": 40}}, "end")[0]
+    assert np.abs(amplitude / truth - 1.0).max() < 1e-5
+    assert estimate.max() < 1e-5
+    assert harmonics.max() < 40
+
+
 def test_points_on_short_series_read_as_zeros_beyond(tmp_path):
     job = rubbing_wedge(tolerance=1e-3) | {"sweep": {"frequencies_hz": [116.0, 122.0, 126.0, 130.0, 132.0, 140.0]}}
     solved(tmp_path, job, "x")
