@@ -43,6 +43,9 @@ module attrito_contact_disc_record
     !> [room, columns, 2]
     integer :: nodes = 0
     real(wp), allocatable :: basis(:, :), gradient(:, :, :)
+    !> Allocated: panels of slip in their order, and how many there are
+    type(slip_panel_type), allocatable :: panels(:)
+    integer :: listed = 0
   contains
     procedure :: add_interval
     procedure :: add_nodes
@@ -128,6 +131,7 @@ contains
     real(wp) :: part(size(panel%weight), 2)
     integer :: a, c, k, known, last, n, s
 
+    if (allocated(self%panels)) call list_panel(self, panel)
     if (.not. self%keeps) return
     s = size(panel%weight)
     do a = 1, 2
@@ -203,6 +207,22 @@ contains
       end do
     end do
   end subroutine add_force
+
+  !> One more panel of the list.
+  subroutine list_panel(self, panel)
+    type(disc_record_type), intent(inout) :: self
+    !> The panel, solved
+    type(slip_panel_type), intent(in) :: panel
+    type(slip_panel_type), allocatable :: more(:)
+
+    if (self%listed == size(self%panels)) then
+      allocate (more(2*self%listed + few_intervals))
+      more(:self%listed) = self%panels
+      call move_alloc(more, self%panels)
+    end if
+    self%listed = self%listed + 1
+    self%panels(self%listed) = panel
+  end subroutine list_panel
 
   !> Add the nodes to the derivatives of the force.
   subroutine flush_nodes(self)

@@ -54,14 +54,14 @@ contains
     may_need_samples = law%tangents == 2 .or. .not. goes_by_events(law, quadrature)
   end function may_need_samples
 
-  !> Is the second derivative of its forces known (`attrito_contact_second_derivative_event`)?
+  !> Is the second derivative of its forces known (`attrito_contact_second_derivative`)?
   elemental logical function has_second_derivative(law, quadrature)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
 
-    has_second_derivative = law%tangents == 1 .and. goes_by_events(law, quadrature)
+    has_second_derivative = goes_by_events(law, quadrature)
   end function has_second_derivative
 
   !> Forces and Jacobian of one contact.

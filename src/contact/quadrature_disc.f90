@@ -22,7 +22,7 @@ module attrito_contact_quadrature_disc
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   implicit none
   private
-  public :: evaluate_contact_by_disc_events
+  public :: evaluate_contact_by_disc_events, find_cuts
 
 contains
 

@@ -18,7 +18,7 @@ module attrito_contact_resting_place
   use attrito_contact_slider_projection, only: slider_projection_type, project_slider
   implicit none
   private
-  public :: resting_place_type, find_resting_place, resting_gradient
+  public :: resting_place_type, find_resting_place, resting_gradient, parallel
 
   type :: resting_place_type
     !> Is there any?
@@ -32,6 +32,8 @@ module attrito_contact_resting_place
 
   !> Discs that are taken in at most
   integer, parameter :: most_discs = 64 ! guess
+  !> Sine of the angle between two discs' normals below which one of them holds it alone
+  real(wp), parameter :: parallel = 1.0e-6_wp ! derived
 
 contains
 
@@ -52,6 +54,7 @@ contains
       call most_violated(motion, place%slider, instants(n), beyond)
       place%exists = beyond <= motion%rounding
       if (place%exists .and. place%count == 1) call settle(motion, place)
+      if (place%exists .and. place%count == 2) call settle_instants(motion, place)
       if (place%exists) return
       jet = motion%at(instants(n))
       u(n, :) = jet(1:2)
@@ -119,6 +122,21 @@ contains
     end associate
   end subroutine settle
 
+  !> Two discs that hold the place lie farthest out for it: by as little as they do it hardly shows when.
+  subroutine settle_instants(motion, place)
+    !> Motion of the contact
+    type(disc_motion_type), intent(in) :: motion
+    !> Where it rests
+    type(resting_place_type), intent(inout) :: place
+    real(wp) :: instant, beyond
+    integer :: i
+
+    do i = 1, 2
+      call refine(motion, place%slider, place%instants(i) - motion%step, place%instants(i) + motion%step, instant, beyond)
+      if (abs(beyond) <= motion%negligible) place%instants(i) = instant
+    end do
+  end subroutine settle_instants
+
   !> The maximum between two instants on either side of it, by regula falsi for its slope that halves the end that stays.
   subroutine refine(motion, w, from, to, instant, value)
     !> Motion of the contact
@@ -182,8 +200,6 @@ contains
     !> Where it rests
     type(resting_place_type), intent(in) :: place
     real(wp) :: gradient(3*size(motion%series, 2), 2)
-    !> Sine of the angle between two discs' normals below which one of them holds it alone
-    real(wp), parameter :: parallel = 1.0e-6_wp ! derived
     real(wp) :: basis(size(motion%series, 2), 2), jet(6, 2), e(2, 2), row(3*size(motion%series, 2), 2), determinant
     integer :: i, k
 

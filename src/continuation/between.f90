@@ -10,6 +10,7 @@ module attrito_continuation_between
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_set_aside, only: evaluation_type, set_aside, take_up
   use attrito_balance_stuck_response, only: find_loaded_response
+  use attrito_balance_periodic_sliders, only: slider_defects
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_solver, only: solver_type
   use attrito_continuation_curve_point, only: curve_point_type, new_curve_point
@@ -90,7 +91,7 @@ contains
     !> 0, or not: the balance cannot be evaluated or linearised there
     integer, intent(out) :: status
     type(unknowns_type) :: right
-    integer :: i, iterations
+    integer :: iterations
 
     associate (context => solver%context, balance => solver%context%balance)
       call balance%evaluate(motion, omega, status)
@@ -98,9 +99,7 @@ contains
       right = new_unknowns(shape(motion), shape(balance%slider))
       moved = right
       right%motion = -balance%residual
-      do i = 1, size(balance%forces)
-        if (balance%forces(i)%periodic) right%slider(:, i) = balance%forces(i)%moved
-      end do
+      right%slider = slider_defects(balance)
       call solve_linearised(balance, constraint, right, stiffened(context%linear, least_stiffening), moved, iterations, status, &
                             context%preconditioner)
       if (status /= 0) return

@@ -20,7 +20,7 @@ module attrito_newton_linearised_step
   use attrito_balance_work, only: step_work
   implicit none
   private
-  public :: linear_options_type, stiffened, solve_linearised, apply_linearised, change_of_deviation
+  public :: linear_options_type, stiffened, solve_linearised, apply_linearised, change_of_deviation, follow_sliders
 
   type :: linear_options_type
     !> Active unknowns up to which the system is formed and eliminated

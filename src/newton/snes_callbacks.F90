@@ -9,6 +9,7 @@
 module attrito_newton_snes_callbacks
   use petscsnes
   use attrito_core_kinds, only: wp
+  use attrito_balance_periodic_sliders, only: slider_defects, settle_sliders
   use attrito_newton_border, only: inner_product
   use attrito_newton_linearised_step, only: solve_linearised, apply_linearised, stiffened
   use attrito_newton_newton_context, only: context_handle_type, newton_context_type, least_stiffening
@@ -45,7 +46,7 @@ contains
     PetscErrorCode :: ierr
     type(newton_context_type), pointer :: context
     type(unknowns_type) :: at, rest
-    integer :: i, status
+    integer :: status
 
     context => handle%context
     at = zero_unknowns(context)
@@ -58,9 +59,7 @@ contains
     end if
     associate (constraint => context%constraint, balance => context%balance)
       rest%motion = balance%residual
-      do i = 1, size(balance%forces)
-        if (balance%forces(i)%periodic) rest%slider(:, i) = -balance%forces(i)%moved
-      end do
+      rest%slider = -slider_defects(balance)
       rest%omega = context%frequency_scale &
                    *(inner_product(balance, constraint%motion, at%motion) + constraint%frequency*at%omega - constraint%value)
     end associate
@@ -125,23 +124,10 @@ contains
     PetscCall(SNESGetFunctionNorm(snes, norm, ierr))
     context%stalled = merge(context%stalled + 1, 0, norm > crawls*context%last_norm)
     call adapt_stiffening(context, real(norm, wp))
-    if (norm <= settling_norm) call settle_sliders(context)
+    if (norm <= settling_norm) call settle_sliders(context%balance)
     PetscCall(MatAssemblyBegin(jacobian, MAT_FINAL_ASSEMBLY, ierr))
     PetscCall(MatAssemblyEnd(jacobian, MAT_FINAL_ASSEMBLY, ierr))
   end subroutine differentiate
-
-  !> A periodic slider that can come to rest does so from where it is.
-  pure subroutine settle_sliders(context)
-    !> What a Newton iteration works on: balance, constraint, linear solver
-    type(newton_context_type), intent(inout) :: context
-    integer :: i
-
-    associate (balance => context%balance)
-      do i = 1, size(balance%forces)
-        if (balance%forces(i)%may_stick) balance%periodic(i) = .false.
-      end do
-    end associate
-  end subroutine settle_sliders
 
   !> Springs that contacts keep in the step hold what nothing else does. Where the residual stalls they hinder: all contacts give way
   !> together until one of them sticks again, which fewer springs reach sooner. Where it grows that went too far.

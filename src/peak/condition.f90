@@ -13,8 +13,9 @@ module attrito_peak_condition
   use attrito_core_kinds, only: wp
   use attrito_newton_border, only: constraint_type
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_newton_linearised_step, only: solve_linearised, stiffened
+  use attrito_newton_linearised_step, only: change_of_deviation, solve_linearised, stiffened
   use attrito_newton_newton_context, only: least_stiffening
+  use attrito_balance_periodic_sliders, only: slider_defects
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_solve_solver, only: solver_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of
@@ -119,7 +120,7 @@ contains
       call balance%evaluate(solver%motion, solver%omega, status)
       call solver%context%forget()
       if (status /= 0) return
-      self%residual = balance%norm(balance%residual)/solver%context%motion_scale
+      self%residual = hypot(balance%norm(balance%residual), balance%norm(slider_defects(balance)))/solver%context%motion_scale
       self%amplitude = amplitude_of(balance%monitors%row_of(problem%monitor, balance%response), problem%measure)
       call find_directions(problem, solver, self, status)
       if (status /= 0) return
@@ -178,9 +179,12 @@ contains
       right = new_unknowns(shape(solver%motion), shape(balance%slider))
       loaded = response_to_parameter(problem, balance)
       right%motion = -balance%residual
+      right%slider = slider_defects(balance)
       call solve(problem, solver, right, self%newton%step, status)
       if (status /= 0) return
+      call respond(balance, self%newton, right)
       right%motion = 0.0_wp
+      right%slider = 0.0_wp
       right%omega = 1.0_wp
       call solve(problem, solver, right, self%along%step, status)
       if (status /= 0) return
@@ -189,7 +193,6 @@ contains
       call solve(problem, solver, right, self%by_parameter%step, status)
       if (status /= 0) return
       self%by_parameter%parameter = 1.0_wp
-      call respond(balance, self%newton)
       call respond(balance, self%along)
       call respond(balance, self%by_parameter)
       self%by_parameter%response = self%by_parameter%response + loaded
@@ -240,26 +243,20 @@ contains
   end subroutine solve
 
   !> What a step makes of deviation and response, the loads as they are.
-  subroutine respond(balance, direction)
+  subroutine respond(balance, direction, right)
     !> Harmonic balance, whose last evaluation this changes
     type(balance_type), intent(inout) :: balance
     !> Change of the unknowns and of the response
     type(direction_type), intent(inout) :: direction
+    !> Right-hand sides that the step was solved for; none of sliders if not given
+    type(unknowns_type), intent(in), optional :: right
+    type(unknowns_type) :: own
     complex(wp), allocatable :: shifted(:, :)
-    real(wp) :: deviation(size(direction%step%motion, 1), size(direction%step%motion, 2))
-    integer :: i, k
 
-    k = size(deviation, 1)
-    deviation = 0.0_wp
-    do i = 1, size(balance%law)
-      associate (forces => balance%forces(i), first => balance%law(i)%first_row, rows => balance%law(i)%tangents + 1)
-        if (.not. allocated(forces%jacobian)) cycle
-        deviation(:, first:first + rows - 1) = reshape(matmul(forces%jacobian, reshape( &
-                                                              direction%step%motion(:, first:first + rows - 1), [k*rows])), [k, rows])
-      end associate
-    end do
+    own = new_unknowns(shape(direction%step%motion), shape(balance%slider))
+    if (present(right)) own = right
     allocate (direction%deviation, direction%response, shifted, mold=balance%response)
-    call balance%respond_to_deviation(deviation, direction%deviation)
+    call balance%respond_to_deviation(change_of_deviation(balance, own, direction%step), direction%deviation)
     call balance%receptance%respond_derivative(balance%response, shifted)
     if (allocated(balance%frozen_mean)) shifted(:, 0) = 0.0_wp
     direction%response = direction%deviation + direction%step%omega*shifted

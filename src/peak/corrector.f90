@@ -8,6 +8,7 @@
 !> frequency response, peak and parameter together.
 module attrito_peak_corrector
   use attrito_core_kinds, only: wp
+  use attrito_balance_periodic_sliders, only: settle_sliders
   use attrito_newton_border, only: inner_product
   use attrito_newton_newton, only: newton_report_type
   use attrito_solve_solver, only: solver_type
@@ -135,6 +136,7 @@ contains
       solver%omega = solver%omega + step%step%omega
       associate (balance => solver%context%balance)
         balance%slider = balance%slider + merge(step%step%slider, 0.0_wp, spread(balance%periodic, 1, size(balance%slider, 1)))
+        call settle_sliders(balance)
       end associate
       if (abs(change) > 0.0_wp) call set_value(problem, solver, value + change)
     end associate

@@ -9,6 +9,7 @@
 !> last one, and by a sweep about it where that fails (attrito_peak_local_sweep). The peak may jump there.
 module attrito_peak_curve
   use attrito_core_kinds, only: wp
+  use attrito_contact_evaluation, only: goes_by_events
   use attrito_newton_newton, only: newton_report_type
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
@@ -401,12 +402,14 @@ contains
     error = relative_size(solver, moved, solver%omega - omega, value_of(self%problem, solver)/parameter - 1.0_wp)
   end subroutine correct_from
 
-  !> Is Newton's method on the peak of no use?
+  !> Is Newton's method on the peak of no use? Of samples along two tangents the Jacobian jumps too often.
   pure logical function climbs(solver)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
 
-    climbs = any(solver%contacts%law%tangents == 2)
+    associate (law => solver%contacts%law)
+      climbs = any(law%tangents == 2 .and. .not. goes_by_events(law, solver%context%balance%quadrature))
+    end associate
   end function climbs
 
   !> The peak uphill from the solver's motion and frequency.

@@ -15,6 +15,7 @@ module attrito_peak_frequency_slopes
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_contact_evaluation, only: has_second_derivative
+  use attrito_newton_linearised_step, only: follow_sliders
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of, half_range
   use attrito_peak_jacobian_rates, only: jacobian_rate
@@ -117,6 +118,7 @@ contains
 
     way = new_unknowns(shape(by_omega%motion), shape(balance%slider))
     way%motion = by_omega%motion
+    call follow_sliders(balance, 0.0_wp*balance%slider, way)
     call differentiate_twice(balance, balance%recover(balance%response), way, [way], twice)
     allocate (source, part, mold=balance%response)
     call balance%respond_to_deviation(twice(:, :, 1), source)

@@ -15,8 +15,10 @@ module attrito_peak_jacobian_rates
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_law_contact_law, only: element_type
-  use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
+  use attrito_contact_second_derivative, only: differentiate_element_twice
+  use attrito_contact_second_derivative_disc, only: start_slider_type
   use attrito_model_contacts, only: contact_type
+  use attrito_newton_linearised_step, only: follow_sliders
   use attrito_peak_second_derivative, only: differentiate_twice
   use attrito_sensitivity_element_derivatives, only: evaluate_one, part_rates
   use attrito_sensitivity_parameters, only: by_parameters_type, recipe_type, law_numbers, by_tangential_stiffness, &
@@ -57,6 +59,8 @@ contains
         change(:, first:last) = explicit_rate(balance%law(i), balance%forces(i), own, along(:, first:last))
       end associate
     end do
+    call follow_sliders(balance, 0.0_wp*balance%slider, way)
+    call follow_sliders(balance, 0.0_wp*balance%slider, direction)
     call differentiate_twice(balance, motion, way, [direction], twice)
     change = change + twice(:, :, 1)
     do i = 1, size(balance%law)
@@ -136,9 +140,11 @@ contains
     type(element_type), allocatable :: parts(:), one(:)
     type(contact_forces_type) :: own
     type(contact_type) :: element
+    type(start_slider_type) :: slider
     real(wp), allocatable :: numbers(:)
     real(wp) :: twice(size(motion), 1), shift(size(motion, 1), size(motion, 2))
     integer :: e, i
+    logical :: done
 
     change = 0.0_wp
     associate (law => balance%law(contact), n => balance%law(contact)%tangents)
@@ -159,8 +165,9 @@ contains
         change = change + explicit_rate(element, own, numbers, along)
         if (.not. allocated(own%jacobian)) cycle
         shift = shift_of(element, numbers, motion)
-        call differentiate_twice_by_events(element, balance%quadrature%grid, motion, balance%slider(2*e - 1, contact), own%active, &
-                                           along, reshape(shift, [size(shift), 1]), twice)
+        slider = start_slider_type(given=balance%slider(2*e - 1:2*e, contact), found=own%slider(:2))
+        call differentiate_element_twice(element, balance%quadrature, motion, slider, own%active, along, &
+                                         reshape(shift, [size(shift), 1]), twice, done)
         change = change + reshape(twice, shape(change))
       end do
       change(:, n + 1) = 0.0_wp

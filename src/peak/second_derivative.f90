@@ -1,15 +1,15 @@
 !> Second derivative of all contacts' forces: how the Jacobian D changes along a motion t, times motions x.
 !>
-!> By events along one tangent it is exact (attrito_contact_second_derivative_event). Elsewhere none is known: it is the
-!> central difference of the exact Jacobian along t, whose error is of second order in the step and enters no solution, only the
-!> rate of Newton's method.
+!> By events it is exact (attrito_contact_second_derivative). Elsewhere none is known: it is the central difference of the exact
+!> Jacobian along t, whose error is of second order in the step and enters no solution, only the rate of Newton's method.
 module attrito_peak_second_derivative
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type
   use attrito_contact_evaluation, only: evaluate_contact, has_second_derivative
   use attrito_contact_forces, only: contact_forces_type
-  use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
+  use attrito_contact_second_derivative, only: differentiate_element_twice
+  use attrito_contact_second_derivative_disc, only: start_slider_type
   implicit none
   private
   public :: differentiate_twice
@@ -30,6 +30,7 @@ contains
     !> Deviation of contact forces from those of their springs
     real(wp), intent(out) :: deviation(:, :, :)
     real(wp), allocatable :: columns(:, :), product(:, :)
+    logical :: done
     integer :: i, k, last, n
 
     k = size(deviation, 1)
@@ -40,11 +41,9 @@ contains
         last = first + law%tangents
         columns = reshape([(directions(n)%motion(:, first:last), n=1, size(directions))], [k*(law%tangents + 1), size(directions)])
         allocate (product, mold=columns)
-        if (has_second_derivative(law, balance%quadrature)) then
-          call sum_elements(balance, motion(:, first:last), i, along%motion(:, first:last), columns, product)
-        else
-          product = difference(balance, motion, i, along, columns)
-        end if
+        done = has_second_derivative(law, balance%quadrature)
+        if (done) call sum_elements(balance, motion(:, first:last), i, along, directions, columns, product, done)
+        if (.not. done) product = difference(balance, motion, i, along, columns)
         do n = 1, size(directions)
           deviation(:, first:last, n) = reshape(product(:, n), [k, law%tangents + 1])
         end do
@@ -54,29 +53,40 @@ contains
   end subroutine differentiate_twice
 
   !> Of one contact by events, all its elements together; what its normal spring adds is the same of each.
-  subroutine sum_elements(balance, motion, contact, along, columns, product)
+  subroutine sum_elements(balance, motion, contact, along, directions, columns, product, done)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
-    !> Of its rows [k, 2]
+    !> Of its rows [k, tangents + 1]
     real(wp), intent(in) :: motion(:, :)
     !> Number of the contact
     integer, intent(in) :: contact
-    !> t [k, 2] and the x [2 k, ways]
-    real(wp), intent(in) :: along(:, :), columns(:, :)
-    !> [2 k, ways]
+    !> t and the x, and these of its rows alone [k (tangents + 1), ways]
+    type(unknowns_type), intent(in) :: along, directions(:)
+    real(wp), intent(in) :: columns(:, :)
+    !> [k (tangents + 1), ways]
     real(wp), intent(out) :: product(:, :)
+    !> Is it known?
+    logical, intent(out) :: done
+    type(start_slider_type) :: slider
     real(wp) :: own(size(product, 1), size(product, 2))
-    integer :: i, k
+    integer :: i, n, tangential
 
-    k = size(motion, 1)
-    associate (law => balance%law(contact), active => balance%forces(contact)%active)
+    associate (law => balance%law(contact), forces => balance%forces(contact))
+      tangential = size(motion, 1)*law%tangents
       do i = 1, law%elements()
-        call differentiate_twice_by_events(law%element(i), balance%quadrature%grid, motion, balance%slider(2*i - 1, contact), &
-                                           active, along, columns, own)
+        slider = start_slider_type(given=balance%slider(2*i - 1:2*i, contact), found=forces%slider(2*i - 1:2*i), &
+                                   periodic=forces%follows())
+        if (slider%periodic) then
+          slider%along = along%slider(:2, contact)
+          slider%columns = reshape([(directions(n)%slider(:2, contact), n=1, size(directions))], [2, size(directions)])
+        end if
+        call differentiate_element_twice(law%element(i), balance%quadrature, motion, slider, forces%active, &
+                                         along%motion(:, law%first_row:law%first_row + law%tangents), columns, own, done)
+        if (.not. done) return
         if (i == 1) then
           product = own
         else
-          product(:k, :) = product(:k, :) + own(:k, :)
+          product(:tangential, :) = product(:tangential, :) + own(:tangential, :)
         end if
       end do
     end associate
