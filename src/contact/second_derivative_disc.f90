@@ -2,8 +2,8 @@
 !>
 !> $$ D'[t] x = \left( k_t \int (u - w)_{tx} \, e_m \, d\theta, \; \int_{N > 0} N_{tx} \, e_m \, d\theta \right) $$
 !>
-!> in coefficients, from the march gone through again in hyper-dual numbers (`attrito_contact_varied_march`). A slider that a period is
-!> to bring back follows the motion, to second order by
+!> in coefficients, from the march gone through again in hyper-dual numbers (`attrito_contact_varied_march`). A slider that a period
+!> is to bring back follows the motion, to second order by
 !>
 !> $$ (I - P_w) \, w_x = P_x, \qquad (I - P_w) \, w_{tx} = P_{tx} + P_{tw} w_x + P_{wx} w_t + P_{ww}[w_t, w_x] $$
 !>

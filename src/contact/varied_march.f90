@@ -2,7 +2,7 @@
 !>
 !> The march is gone through again in hyper-dual numbers (`attrito_core_hyperdual`): instants of events are roots that move,
 !>
-!> $$ r = 0 \; \text{(landing, opening)}, \qquad |u - w|^2 = r^2 \; \text{(slip begins)}, \qquad u' \cdot e = r' \; \text{(slip ends)} $$
+!> $$ r = 0 \; \text{(landing, opening)}, \quad |u - w|^2 = r^2 \; \text{(slip begins)}, \quad u' \cdot e = r' \text{(slip ends)} $$
 !>
 !> panels of slip lie between ends that move, with phi at their nodes by the collocation of `attrito_contact_slip_panel`. What
 !> sliders and forces come to has derivatives that need no rule for jumps: those across events are in the motion of the ends.
