@@ -21,7 +21,7 @@ module attrito_contact_second_derivative_disc
   use attrito_contact_resting_place, only: resting_place_type, find_resting_place
   use attrito_contact_slip_panel, only: slip_panel_type, new_slip_panel
   use attrito_contact_state, only: regime_open
-  use attrito_contact_varied_march, only: varied_march_type, vary_march
+  use attrito_contact_varied_march, only: varied_march_type, vary_march, kept_panels_type, keep_panels
   use attrito_contact_varied_motion, only: varied_motion_type, new_varied_motion
   use attrito_contact_varied_rest, only: vary_rest
   implicit none
@@ -145,16 +145,21 @@ contains
     type(varied_motion_type) :: varied
     type(varied_march_type) :: by_start, march
     type(hyperdual_type) :: start(2)
+    type(kept_panels_type) :: kept
     real(wp) :: holding(2, 2), second(2), ways(2, 2)
     integer :: a, n, k
 
     k = size(along, 1)
+    kept = keep_panels(new_varied_motion(motion, along, along), rules, record)
+    done = kept%regular
+    if (.not. done) return
     start%value = slider%found
     if (.not. opens) then
       ! Along t and x both coordinates of the start slider.
       start(1)%t = 1.0_wp
       start(2)%x = 1.0_wp
-      by_start = vary_march(new_varied_motion(motion, 0.0_wp*along, 0.0_wp*along), motion, rules, record, .false., start)
+      varied = new_varied_motion(motion, 0.0_wp*along, 0.0_wp*along)
+      by_start = vary_march(varied, motion, rules, record, keep_panels(varied, rules, record), .false., start)
       holding = holding_of(transpose(reshape([by_start%slider%t, by_start%slider%x], [2, 2])))
     end if
     do n = 1, size(columns, 2)
@@ -163,16 +168,14 @@ contains
       if (slider%periodic) then
         ways = reshape([slider%along, slider%columns(:, n)], [2, 2])
       else if (.not. opens) then
-        march = vary_march(varied, motion, rules, record, .false., start)
+        march = vary_march(varied, motion, rules, record, kept, .false., start)
         ways = released(holding, reshape([march%slider%t, march%slider%x], [2, 2]))
       end if
       if (.not. opens) then
         start%t = ways(:, 1)
         start%x = ways(:, 2)
       end if
-      march = vary_march(varied, motion, rules, record, opens, start)
-      done = march%regular
-      if (.not. done) return
+      march = vary_march(varied, motion, rules, record, kept, opens, start)
       if (.not. opens) then
         second = reshape(released(holding, reshape(march%slider%tx, [2, 1])), [2])
         march%stretch%tx = march%stretch%tx + second(1)*by_start%stretch%t + second(2)*by_start%stretch%x

@@ -19,7 +19,7 @@ module attrito_contact_varied_march
   use attrito_contact_varied_motion, only: varied_motion_type, jet_of, rate_basis
   implicit none
   private
-  public :: varied_march_type, vary_march
+  public :: varied_march_type, vary_march, kept_panels_type, keep_panels
 
   !> Steps of Newton's method: first derivatives, and the second
   integer, parameter :: steps = 2
@@ -27,8 +27,6 @@ module attrito_contact_varied_march
   integer, parameter :: regime_none = -1
 
   type :: varied_march_type
-    !> Is each panel's equation regular?
-    logical :: regular = .true.
     !> Where the slider is at the end
     type(hyperdual_type) :: slider(2)
     !> Integrals of z e_m, z = u - w, without those of the changes of u in stick [k, 2]; of N/k_n e_m over what is closed, by t and x
@@ -36,6 +34,14 @@ module attrito_contact_varied_march
     type(hyperdual_type), allocatable :: stretch(:, :)
     real(wp), allocatable :: pressed(:)
   end type varied_march_type
+
+  !> What all changes of a march's panels share: inverses of their linearised equations [s, s, panels], and values of the motion and of
+  !> t at their nodes [21, s, panels]
+  type :: kept_panels_type
+    !> Is each panel's equation regular?
+    logical :: regular = .true.
+    real(wp), allocatable :: inverse(:, :, :), values(:, :, :)
+  end type kept_panels_type
 
   !> Where a march is: the instant, direction of slip, slider
   type :: place_type
@@ -46,14 +52,43 @@ module attrito_contact_varied_march
 
 contains
 
+  !> What all changes share, of a motion and one t.
+  function keep_panels(varied, rules, record) result(self)
+    !> Motion of the contact with its changes
+    type(varied_motion_type), intent(in) :: varied
+    !> Rules of panels
+    type(disc_rules_type), intent(in) :: rules
+    !> The march, its panels listed
+    type(disc_record_type), intent(in) :: record
+    type(kept_panels_type) :: self
+    integer :: i, k
+
+    k = size(varied%shared, 2)
+    associate (s => rules%radau%nodes, n => record%listed)
+      allocate (self%inverse(s, s, n), self%values(size(varied%shared, 1), s, n))
+      do i = 1, n
+        associate (panel => record%panels(i))
+          if (panel%opens) then
+            call invert_panel(rules%gauss, panel, self%inverse(:, :, i), self%regular)
+          else
+            call invert_panel(rules%radau, panel, self%inverse(:, :, i), self%regular)
+          end if
+          if (.not. self%regular) return
+          self%values(:, :, i) = matmul(varied%shared, transpose(panel%basis(:, :k)))
+        end associate
+      end do
+    end associate
+  end function keep_panels
+
   !> The march of a record from a start slider, or from where the contact lands.
-  function vary_march(varied, motion, rules, record, lands, start) result(march)
+  function vary_march(varied, motion, rules, record, kept, lands, start) result(march)
     !> Motion of the contact, with its changes and without; rules of panels
     type(varied_motion_type), intent(in) :: varied
     type(disc_motion_type), intent(in) :: motion
     type(disc_rules_type), intent(in) :: rules
-    !> The march, its panels listed
+    !> The march, its panels listed, and what changes of them share
     type(disc_record_type), intent(in) :: record
+    type(kept_panels_type), intent(in) :: kept
     !> Does it begin where the contact lands?
     logical, intent(in) :: lands
     !> If not: the slider there
@@ -63,7 +98,7 @@ contains
     type(hyperdual_type) :: to
     integer :: after, i, k
 
-    k = size(varied%series, 2)
+    k = size(varied%shared, 2)
     allocate (march%stretch(k, 2), march%pressed(k))
     march%pressed = 0.0_wp
     place%theta = hyperdual_type(record%ends(0))
@@ -85,8 +120,7 @@ contains
         if (after == regime_slip) place%phi = direction_of(varied%at(to), place%slider)
        case (regime_slip)
         if (after == regime_open) to = root_of_radius(varied, record%ends(i))
-        call slip(varied, motion, rules, record, record%ends(i), after == regime_stick, to, place, march)
-        if (.not. march%regular) return
+        call slip(varied, motion, rules, record, kept, record%ends(i), after == regime_stick, to, place, march)
         if (after /= regime_slip) place%slider = slider_of(varied%at(to), place%phi)
        case default
         to = root_of_radius(varied, record%ends(i))
@@ -197,13 +231,14 @@ contains
   end function slider_of
 
   !> Slip over an interval, panel after panel.
-  subroutine slip(varied, motion, rules, record, ends, stops, to, place, march)
+  subroutine slip(varied, motion, rules, record, kept, ends, stops, to, place, march)
     !> Motion of the contact, with its changes and without; rules of panels
     type(varied_motion_type), intent(in) :: varied
     type(disc_motion_type), intent(in) :: motion
     type(disc_rules_type), intent(in) :: rules
-    !> The march
+    !> The march, and what changes of its panels share
     type(disc_record_type), intent(in) :: record
+    type(kept_panels_type), intent(in) :: kept
     !> Where the interval ends
     real(wp), intent(in) :: ends
     !> Does slip end there, in stick?
@@ -226,8 +261,12 @@ contains
         length = hyperdual_type(panel%from + panel%length) - from
         if (lasts .and. .not. stops) length = to - from
         length%value = panel%length
-        call follow_panel(varied, motion, rules, panel, lasts .and. stops, from, length, place%phi, march)
-        if (.not. march%regular) return
+        if (panel%opens) then
+          call follow_panel(varied, motion, rules%gauss, panel, kept, place%panels + 1, .false., from, length, place%phi, march)
+        else
+          call follow_panel(varied, motion, rules%radau, panel, kept, place%panels + 1, lasts .and. stops, from, length, place%phi, &
+                            march)
+        end if
         from = from + length
       end associate
       place%panels = place%panels + 1
@@ -236,13 +275,15 @@ contains
   end subroutine slip
 
   !> One panel of slip.
-  subroutine follow_panel(varied, motion, rules, panel, stops, from, length, phi, march)
-    !> Motion of the contact, with its changes and without; rules of panels
+  subroutine follow_panel(varied, motion, rule, panel, kept, number, stops, from, length, phi, march)
+    !> Motion of the contact, with its changes and without; nodes
     type(varied_motion_type), intent(in) :: varied
     type(disc_motion_type), intent(in) :: motion
-    type(disc_rules_type), intent(in) :: rules
-    !> The panel, solved
+    type(panel_rule_type), intent(in) :: rule
+    !> The panel, solved; what changes of all panels share, and its number among them
     type(slip_panel_type), intent(in) :: panel
+    type(kept_panels_type), intent(in) :: kept
+    integer, intent(in) :: number
     !> Does slip end at its end?
     logical, intent(in) :: stops
     !> Where it begins, and its length, which follows the end of slip
@@ -252,58 +293,31 @@ contains
     type(hyperdual_type), intent(inout) :: phi
     !> What the march comes to
     type(varied_march_type), intent(inout) :: march
-
-    if (panel%opens) then
-      call follow_by_rule(varied, motion, rules%gauss, panel, stops, from, length, phi, march)
-    else
-      call follow_by_rule(varied, motion, rules%radau, panel, stops, from, length, phi, march)
-    end if
-  end subroutine follow_panel
-
-  !> The same with the nodes' rule.
-  subroutine follow_by_rule(varied, motion, rule, panel, stops, from, length, phi, march)
-    !> Motion of the contact, with its changes and without; nodes
-    type(varied_motion_type), intent(in) :: varied
-    type(disc_motion_type), intent(in) :: motion
-    type(panel_rule_type), intent(in) :: rule
-    !> The panel, solved
-    type(slip_panel_type), intent(in) :: panel
-    !> Does slip end at its end?
-    logical, intent(in) :: stops
-    !> Where it begins, and its length
-    type(hyperdual_type), intent(in) :: from
-    type(hyperdual_type), intent(inout) :: length
-    !> Direction at its start, then at its end
-    type(hyperdual_type), intent(inout) :: phi
-    !> What the march comes to
-    type(varied_march_type), intent(inout) :: march
     type(hyperdual_type) :: angles(0:rule%nodes), jets(6, rule%nodes), theta(rule%nodes), rate(rule%nodes), part(rule%nodes, 2)
     type(hyperdual_type) :: c(rule%nodes), s(rule%nodes)
-    real(wp) :: values(size(varied%series, 1), rule%nodes), inverse(rule%nodes, rule%nodes)
+    real(wp) :: own(size(varied%own, 1), rule%nodes)
     integer :: i, k, n, round
 
     n = rule%nodes
-    k = size(varied%series, 2)
-    call invert_panel(rule, panel, inverse, march%regular)
-    if (.not. march%regular) return
-    values = matmul(varied%series, transpose(panel%basis(:, :k)))
+    k = size(varied%shared, 2)
+    own = matmul(varied%own, transpose(panel%basis(:, :k)))
     angles%value = panel%phi
     angles(0)%t = phi%t
     angles(0)%x = phi%x
     angles(0)%tx = phi%tx
+    call turn_to(angles(1:))
     do round = 1, merge(steps + 1, 1, stops)
       theta = from + rule%x(1:)*length
       do i = 1, n
-        jets(:, i) = jet_of(values(:, i), theta(i))
+        jets(:, i) = jet_of(kept%values(:, i, number), own(:, i), theta(i))
       end do
       do i = 1, steps
-        call turn_to(angles(1:))
         rate = multiplied(rule%derivative, angles)
         rate = panel%scale*(length*(jets(5, :)*c - jets(4, :)*s) - jets(3, :)*rate)
         rate%value = 0.0_wp
-        angles(1:) = angles(1:) + multiplied(inverse, rate)
+        angles(1:) = angles(1:) + multiplied(kept%inverse(:, :, number), rate)
+        call turn_to(angles(1:))
       end do
-      call turn_to(angles(1:))
       if (stops .and. round <= steps) length = length + newton_step(jets(4, n)*c(n) + jets(5, n)*s(n) - jets(6, n), speed_rate())
     end do
     phi = angles(n)
@@ -330,7 +344,7 @@ contains
       across = panel%jet(n, 5)*panel%e(n, 1) - panel%jet(n, 4)*panel%e(n, 2)
       speed_rate = dot_product(second(1:2), panel%e(n, :)) + across**2/panel%jet(n, 3) - second(3)
     end function speed_rate
-  end subroutine follow_by_rule
+  end subroutine follow_panel
 
   !> Integrals over a panel: sums over its nodes, which may move.
   pure subroutine add_nodes(basis, theta, part, stretch)

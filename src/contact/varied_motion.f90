@@ -14,14 +14,14 @@ module attrito_contact_varied_motion
   private
   public :: varied_motion_type, new_varied_motion, jet_of, rate_basis
 
-  !> Rows of f, t and x in the series, those of u_1, u_2, r and their derivatives one after another
+  !> Rows of f and t in the series, and of x in its own, those of u_1, u_2, r and their derivatives one after another
   integer, parameter :: derivatives = 3, of_motion = 0, of_t = 12, of_x = 21, all_rows = 30
 
   type :: varied_motion_type
     !> Highest harmonic
     integer :: harmonics = 0
-    !> Coefficients [30, k]
-    real(wp), allocatable :: series(:, :)
+    !> Coefficients of f and t, which several x share [21, k], and of x [9, k]
+    real(wp), allocatable :: shared(:, :), own(:, :)
   contains
     procedure :: at
   end type varied_motion_type
@@ -45,7 +45,8 @@ contains
     call fill(of_motion, derivatives)
     call fill(of_t, derivatives - 1)
     call fill(of_x, derivatives - 1)
-    self%series = transpose(columns)
+    self%shared = transpose(columns(:, :of_x))
+    self%own = transpose(columns(:, of_x + 1:))
 
   contains
 
@@ -68,22 +69,24 @@ contains
     type(hyperdual_type), intent(in) :: theta
     type(hyperdual_type) :: jet(6)
 
-    jet = jet_of(matmul(self%series, basis_at(theta%value, self%harmonics)), theta)
+    associate (basis => basis_at(theta%value, self%harmonics))
+      jet = jet_of(matmul(self%shared, basis), matmul(self%own, basis), theta)
+    end associate
   end function at
 
   !> The same of the values of all rows there.
-  pure function jet_of(values, theta) result(jet)
-    !> [30]
-    real(wp), intent(in) :: values(:)
+  pure function jet_of(shared, own, theta) result(jet)
+    !> Of f and t [21], and of x [9]
+    real(wp), intent(in) :: shared(:), own(:)
     !> Angle of the period
     type(hyperdual_type), intent(in) :: theta
     type(hyperdual_type) :: jet(6)
 
-    jet%value = values(of_motion + 1:of_motion + 6)
-    jet%t = values(of_motion + 4:of_motion + 9)*theta%t + values(of_t + 1:of_t + 6)
-    jet%x = values(of_motion + 4:of_motion + 9)*theta%x + values(of_x + 1:of_x + 6)
-    jet%tx = values(of_motion + 4:of_motion + 9)*theta%tx + values(of_motion + 7:of_motion + 12)*(theta%t*theta%x) &
-             + values(of_t + 4:of_t + 9)*theta%x + values(of_x + 4:of_x + 9)*theta%t
+    jet%value = shared(of_motion + 1:of_motion + 6)
+    jet%t = shared(of_motion + 4:of_motion + 9)*theta%t + shared(of_t + 1:of_t + 6)
+    jet%x = shared(of_motion + 4:of_motion + 9)*theta%x + own(:6)
+    jet%tx = shared(of_motion + 4:of_motion + 9)*theta%tx + shared(of_motion + 7:of_motion + 12)*(theta%t*theta%x) &
+             + shared(of_t + 4:of_t + 9)*theta%x + own(4:9)*theta%t
   end function jet_of
 
   !> Derivatives of the functions 1, cos, sin, cos 2, ... from their values, as sums with such functions as factors have them.

@@ -128,9 +128,18 @@ contains
     type(hyperdual_type), intent(in) :: x(:)
     type(hyperdual_type) :: y(size(matrix, 1))
 
-    y%value = matmul(matrix, x%value)
-    y%t = matmul(matrix, x%t)
-    y%x = matmul(matrix, x%x)
-    y%tx = matmul(matrix, x%tx)
+    real(wp) :: parts(4, size(matrix, 2)), sums(4)
+    integer :: i, j
+
+    do j = 1, size(x)
+      parts(:, j) = [x(j)%value, x(j)%t, x(j)%x, x(j)%tx]
+    end do
+    do i = 1, size(y)
+      sums = 0.0_wp
+      do j = 1, size(x)
+        sums = sums + matrix(i, j)*parts(:, j)
+      end do
+      y(i) = hyperdual_type(sums(1), sums(2), sums(3), sums(4))
+    end do
   end function multiplied
 end module attrito_core_hyperdual

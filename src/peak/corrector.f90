@@ -11,6 +11,7 @@ module attrito_peak_corrector
   use attrito_balance_periodic_sliders, only: settle_sliders
   use attrito_newton_border, only: inner_product
   use attrito_newton_newton, only: newton_report_type
+  use attrito_solve_sliders, only: found_moving
   use attrito_solve_solver, only: solver_type
   use attrito_peak_condition, only: problem_type, direction_type, linearisation_type, linearise, value_of, set_value, &
                                     scale_of_motion
@@ -69,6 +70,8 @@ contains
     if (.not. found) return
     solver%report = newton_report_type(converged=.true., iterations=iterations, residual=point%residual)
     call solver%accept(solver%motion, solver%omega, slider)
+    ! What took several marches takes one from here on, as an unknown.
+    if (found_moving(solver%context%balance, solver%context%tolerance*solver%context%motion_scale)) call solver%context%forget()
   end subroutine correct
 
   !> sigma and pi of Newton's step.

@@ -2,8 +2,16 @@
 
 from __future__ import annotations
 
+import numpy as np
+import peaks
+import peaks_scenes
 import pytest
-from jobs import by_samples, chain, run, table
+from jobs import attrito_here, by_samples, chain, run, table, write_job
+from mpi4py import MPI
+from slopes import with_parameter
+
+from attrito.library.session import Options, Solver
+from attrito.peaks.run import follow
 
 
 def amplitudes(folder, job, **balance):
@@ -19,3 +27,49 @@ def test_samples_come_to_the_exact_response_with_the_square_of_their_number(tmp_
         sampled = amplitudes(tmp_path / str(samples), by_samples(chain(3, 2)) | sweep, samples=samples)
         assert sampled == pytest.approx(exact, rel=most)
         assert samples > 256 or sampled != pytest.approx(exact, rel=1e-7)
+
+
+@pytest.mark.parametrize("number", [15, 27, 44, 51])
+def test_peaks_are_found_by_newtons_method(number):
+    scene = peaks_scenes.make(1, number)
+    assert "2 tangents" in scene.kind
+    options = Options(5, 128, by_events=True)
+    job = peaks.keys_of(scene, "level_up")
+    with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
+        solver.follow_static_path(peaks.PATH, peaks.STATIC_STEPS, scene.band_hz[0])
+        followed = [(one, solver.save_state()) for one in follow(solver, job, scene.reduced, peaks.PATH)]
+    assert followed[-1][0].peak.parameter == pytest.approx(job["peak"]["stop"], rel=1e-12)
+    evaluations = np.diff([one.peak.evaluations for one, _ in followed])
+    # A climb takes some 20, and 60 to see whether another maximum is higher.
+    assert np.median(evaluations) <= 6
+    for one, state in followed:
+        assert one.converged and one.peak.curvature < 0.0
+        if one.kind == "value":
+            assert peaks.dense(scene, options, one, state, 1.0) == pytest.approx(one.peak.amplitude, rel=1e-9)
+
+
+def test_the_frequency_of_a_peak_has_the_derivatives_of_differences(tmp_path, capfd):
+    job = chain(3, 2) | {"damping": {"rayleigh": [12.0, 0.0]}, "sweep": {"start_hz": 105.0, "stop_hz": 120.0}}
+    job["balance"] = {"harmonics": 5, "residual_tolerance": 1e-12}
+    names = ["contact[0].friction_coefficient", "contact[2].normal_stiffness", "load.press"]
+    job["peak"] = {"start": 5.0, "stop": 5.01}
+
+    def first_peak(changed):
+        write_job(tmp_path, changed)
+        done = attrito_here(tmp_path, capfd, "peak", "job.toml")
+        assert done.returncode == 0, done.stderr
+        return table(tmp_path, result="result.peaks.h5")[0]
+
+    first = first_peak(job | {"sensitivity": {"to": names}})
+    exact, expected = [], []
+    for name in names:
+        slopes = []
+        for step in (1e-3, 2e-3):
+            there = [with_parameter(job, name, side * step) for side in (1.0, -1.0)]
+            above, below = (float(first_peak(changed)["frequency_hz"]) for changed, _ in there)
+            slopes.append((above - below) / 2e-3 * 1e-3 / step)
+            scale = abs(there[0][1]) / step
+        exact.append(float(first[f"frequency by {name}"]) * scale)
+        expected.append((4.0 * slopes[0] - slopes[1]) / 3.0)
+    # By parts of the parameters; what the two steps leave is of their fourth power.
+    assert exact == pytest.approx(expected, abs=1e-5 * np.abs(expected).max())
