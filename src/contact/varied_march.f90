@@ -35,8 +35,8 @@ module attrito_contact_varied_march
     real(wp), allocatable :: pressed(:)
   end type varied_march_type
 
-  !> What all changes of a march's panels share: inverses of their linearised equations [s, s, panels], and values of the motion and of
-  !> t at their nodes [21, s, panels]
+  !> What all changes of a march's panels share: inverses of their linearised equations [s, s, panels], and values of the motion and
+  !> of t at their nodes [21, s, panels]
   type :: kept_panels_type
     !> Is each panel's equation regular?
     logical :: regular = .true.
