@@ -14,7 +14,7 @@ module attrito_contact_second_derivative_disc
   use attrito_model_contacts, only: contact_type
   use attrito_contact_disc_loop, only: holding_of
   use attrito_contact_disc_march, only: start_at, land, march_disc
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, new_disc_motion, grid_for
+  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, new_disc_motion
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, new_record
   use attrito_contact_forces, only: released
   use attrito_contact_quadrature_disc, only: find_cuts
@@ -65,9 +65,9 @@ contains
 
     product = 0.0_wp
     done = .true.
-    associate (k => size(motion, 1), grid => rules%grids(grid_for(size(motion, 1)/2)))
-      disc = new_disc_motion(law, grid, motion)
-      call disc%sample_slopes(grid)
+    associate (k => size(motion, 1))
+      disc = new_disc_motion(law, rules, motion)
+      call disc%sample_slopes(rules)
       call find_cuts(law, rules, disc, motion, cuts)
       ! Open all over the period, or not pressed: the slider goes with the motion.
       if (size(cuts) == 0 .and. disc%largest <= -law%touching_force(motion(:, 3))*disc%slope/law%normal_stiffness) return
