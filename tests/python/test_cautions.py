@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from elastic import elastic_block
 from jobs import attrito, attrito_here, blocks, wedge, write_blocks, write_job
-from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix, diags
 
-from attrito.model.held_mass import held_share
-from attrito.model.model import Model
 from attrito.model.model_file import write_model
 from attrito.model.rigidity import resisted_rotation, rotation_resistance
 from attrito.report.report import glance
@@ -192,33 +190,13 @@ def test_a_band_that_no_mode_can_resonate_in_is_told(tmp_path, capfd, band, harm
     )
 
 
-@pytest.mark.parametrize("bricks", [2, 5])
-def test_the_mass_shared_with_held_nodes_is_that_of_linear_shape_functions(bricks):
-    """Of a brick with one face held F = x, and the integral of x (1 - x) is a sixth."""
-    grid = [(x, y, z) for x in range(bricks + 1) for y in (0, 1) for z in (0, 1)]
-    number = {place: k + 1 for k, place in enumerate(grid)}
-    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
-    rows = np.array([[number[x + i, j, k] for i, j, k in corners] for x in range(bricks)])
-    free = [number[place] for place in grid if place[0] > 0]
-    model = Model(
-        None,
-        None,
-        dof_node=np.repeat(free, 3),
-        dof_direction=np.tile([1, 2, 3], len(free)),
-        node_ids=np.arange(1, len(grid) + 1),
-        coordinates=np.array(grid, float),
-        elements={"C3D8": (np.arange(1, bricks + 1), rows)},
-    )
-    assert held_share(model) == pytest.approx(1.0 / 6.0 / bricks, rel=1e-12)
-    # What follows others has its mass where they are.
-    held = np.array([[number[0, y, z], direction] for y in (0, 1) for z in (0, 1) for direction in (1, 2, 3)])
-    model.dependent = held
-    assert held_share(model) == pytest.approx(0.0, abs=1e-12)
-
-
 @pytest.mark.parametrize("load", ["gravity", "centrifugal"])
 def test_a_load_by_mass_that_supports_share_names_what_it_lacks(tmp_path, capfd, load):
-    write_blocks(tmp_path / "model.h5")
+    model = write_blocks(tmp_path / "model.h5")
+    # Neither lumped nor the mesh's
+    beside = diags(np.full(model.size - 3, 0.01 * model.mass.diagonal().min()), 3)
+    model.mass = csr_matrix(model.mass + beside + beside.T)
+    write_model(tmp_path / "model.h5", model, [])
     job = blocks()
     job["sweep"] = {"frequencies_hz": [1.0]}
     plain = warnings_of(tmp_path, capfd, job)

@@ -1,37 +1,240 @@
-"""The mass that free nodes share with held ones: matrices without held dofs lack it, and so do loads by mass.
+"""Loads by mass: what free nodes share with held ones is not in matrices without held dofs, and comes from the mesh.
 
-With shape functions N and a density that is the same everywhere its part of the whole is
+A structure whose nodes all have the accelerations a is loaded by
 
-    integral F (1 - F) dV / integral dV,    F = sum of N_i over the nodes that are free.
+    f_i = sum_j m_ij a_j,    m_ij = integral rho N_i N_j dV,
+
+over all nodes j of the shape functions N. Free ones are in the matrices, held ones are not. The mesh has the shape
+functions, and the matrices tell the density, by which alone entries of both differ: for each kind of element and its
+elastic constants, and by that of two rules of integration with which they agree best.
+
+Nodes that depend on others are in the matrices of these. They move as the others say, which need not be as the
+accelerations do: those of rotation are no rigid motion. Rows beside such nodes are held against the mesh: what they
+differ by is about what the load lacks on others.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.sparse import coo_matrix, csr_matrix, diags
 
-from attrito.model.solid_shapes import KINDS, solid_shapes
+from attrito.model.solid_shapes import KINDS, mass_shapes
 
 if TYPE_CHECKING:
     from attrito.model.model import Model
 
+# Part of a row's mass by which matrices and mesh may differ: rules of integration do in distorted elements
+SAME_MASS = 1e-3
+# Part of a load that may not be known
+MISSED = 1e-3
 
-def held_share(model: Model) -> float:
-    """That part, of the solids of a mesh; dependent nodes have their mass in the matrices."""
-    moves = model.dof_node[model.translates]
-    ids, count = np.unique(moves, return_counts=True)
-    free = np.isin(model.node_ids, np.union1d(ids[count == 3], model.dependent[:, 0]))
-    order = np.argsort(model.node_ids)
-    shared = whole = 0.0
-    for kind, (_, connectivity) in model.elements.items():
-        if kind not in KINDS:
-            continue
-        rows = order[np.searchsorted(model.node_ids, connectivity, sorter=order)]
-        shapes = solid_shapes(kind)
-        jacobian = np.linalg.det(np.einsum("eix,pir->eprx", model.coordinates[rows], shapes.gradients))
-        volume = np.abs(jacobian) * shapes.weights
-        moving = free[rows] @ shapes.values.T
-        shared += float(np.sum(volume * moving * (1.0 - moving)))
-        whole += float(np.sum(volume))
-    return abs(shared) / whole if whole else 0.0
+
+class UnknownMassError(Exception):
+    """A load by mass that matrices and mesh do not tell; says why."""
+
+
+@dataclass
+class _Block:
+    """Solids of one kind and one material.
+
+    Parameters
+    ----------
+    rows : of their nodes, `[E, k]`
+    masses : m_ij of unit density by each rule, `[rules, E, k, k]`
+    mass : by the rule chosen, and of its density; none where it is not known, `[E, k, k]`
+    """
+
+    rows: np.ndarray
+    masses: list[np.ndarray]
+    mass: np.ndarray | None = None
+
+    def sums(self, masses: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
+        """sum_j m_ij v_j of values at the nodes `[N]`, `[count]`."""
+        return np.bincount(
+            self.rows.ravel(), weights=np.einsum("eij,ej->ei", masses, values[self.rows]).ravel(), minlength=count
+        )
+
+
+def inertia_of(model: Model, acceleration: np.ndarray) -> np.ndarray:
+    """The load of an acceleration of all nodes `[N, 3]` of a mesh, held ones included, `[n]`, user force.
+
+    Raises
+    ------
+    UnknownMassError : nodes that depend on others do not follow the acceleration
+    """
+    return BesideSupports(model).inertia(acceleration)
+
+
+class BesideSupports:
+    """The solids of a mesh that have a node without a dof."""
+
+    def __init__(self, model: Model):
+        self._model, self._count = model, len(model.node_ids)
+        self._order = np.argsort(model.node_ids)
+        self.dof = np.full((self._count, 3), -1)
+        moves = np.flatnonzero(model.translates)
+        self.dof[self._rows_of(model.dof_node[moves]), np.asarray(model.dof_direction, dtype=int)[moves] - 1] = moves
+        self.depends = np.zeros(self.dof.shape, dtype=bool)
+        own = np.isin(model.dependent[:, 0], model.node_ids) & np.isin(model.dependent[:, 1], (1, 2, 3))
+        self.depends[self._rows_of(model.dependent[own, 0]), model.dependent[own, 1] - 1] = True
+        self.depends &= self.dof < 0
+        self.held = (self.dof < 0) & ~self.depends
+        self.blocks = self._blocks()
+        for block in self.blocks:
+            self._choose(block)
+
+    def inertia(self, acceleration: np.ndarray) -> np.ndarray:
+        """As `inertia_of`."""
+        model = self._model
+        load = np.asarray(model.mass @ model.on_dofs(acceleration))
+        if self._is_lumped:
+            return load
+        known = [(block, block.mass) for block in self.blocks if block.mass is not None]
+        missed = 0.0
+        for d in range(3):
+            moves, values = self.dof[:, d] >= 0, acceleration[:, d]
+            shared = sum((one.sums(mass, self.held[:, d] * values, self._count) for one, mass in known), np.zeros(1))
+            load[self.dof[moves, d]] += np.broadcast_to(shared, self._count)[moves]
+            missed += float(np.abs(self._missed(load, known, d, values)).sum())
+        if missed > MISSED * np.abs(load).sum():
+            raise UnknownMassError(
+                f"forces in a file: {missed / np.abs(load).sum():.1e} of these depend on how nodes that *RIGID BODY,"
+                " *EQUATION, *TIE or the like move follow the acceleration, which the matrices do not tell"
+            )
+        return load
+
+    @cached_property
+    def unknown_share(self) -> float:
+        """Part of the mass of the mesh, its density being the same everywhere, that loads by mass lack."""
+        if self._is_lumped or not self.blocks:
+            return 0.0
+        lost = 0.0
+        crossing = self._has_others_beside_supports
+        for block in self.blocks:
+            for d in range(3):
+                held, depends = (which[block.rows, d] for which in (self.held, self.depends))
+                free = depends if block.mass is not None and not crossing else ~held
+                lost += float(np.sum(block.masses[0] * held[:, None, :] * free[:, :, None])) / 3.0
+        whole = sum(
+            float(np.sum(_volumes(self._model, kind, part, 0)))
+            for kind, (_, nodes) in self._model.elements.items()
+            if kind in KINDS
+            for part in np.array_split(self._rows_of(nodes), len(nodes) // 10000 + 1)
+        )
+        return abs(lost) / whole
+
+    def _rows_of(self, nodes: np.ndarray) -> np.ndarray:
+        """Rows in `Model.node_ids`."""
+        order = self._order
+        return np.asarray(order[np.searchsorted(self._model.node_ids, nodes, sorter=order)])
+
+    def _blocks(self) -> list[_Block]:
+        """Solids that share a node with one that has nodes without dofs, by kind and elastic constants."""
+        model = self._model
+        solids = {kind: self._rows_of(nodes) for kind, (_, nodes) in model.elements.items() if kind in KINDS}
+        near = np.zeros(self._count, dtype=bool)
+        for rows in solids.values():
+            near[rows[(self.dof[rows] < 0).any(axis=(1, 2)) & (self.dof[rows] >= 0).any(axis=(1, 2))]] = True
+        blocks = []
+        for kind, rows in solids.items():
+            beside = np.flatnonzero(near[rows].any(axis=1))
+            elastic = model.elastic.get(kind)
+            of = np.zeros((len(beside), 1)) if elastic is None else np.nan_to_num(elastic[beside])
+            material = np.unique(of, axis=0, return_inverse=True)[1].ravel()
+            for number in range(material.max(initial=-1) + 1):
+                own = rows[beside[material == number]]
+                masses = []
+                for rule in range(2):
+                    values = mass_shapes(kind, rule)[0]
+                    volumes = _volumes(model, kind, own, rule)
+                    masses.append(np.einsum("ep,pi,pj->eij", volumes, values, values, optimize=True))
+                blocks.append(_Block(own, masses))
+        return blocks
+
+    def _choose(self, block: _Block) -> None:
+        """The rule and the density of a block, by entries of the matrix that belong to it alone."""
+        inside, best = self._surrounded(block), np.inf
+        for masses in block.masses:
+            pairs = [self._beside_each_other(block, masses, inside, d) for d in range(3)]
+            diagonal = np.concatenate([own.diagonal() for own, _ in pairs])
+            if not len(diagonal):
+                continue
+            # Nodes that others depend on have more.
+            density = float(np.median(diagonal))
+            differs = np.concatenate(
+                [np.abs(np.asarray((own - density * mesh)[mesh.nonzero()])).ravel() for own, mesh in pairs]
+            )
+            worst = float(np.median(differs)) / density if density > 0.0 else np.inf
+            if worst <= SAME_MASS and worst < best:
+                best, block.mass = worst, density * masses
+
+    def _beside_each_other(
+        self, block: _Block, masses: np.ndarray, inside: np.ndarray, d: int
+    ) -> tuple[csr_matrix, csr_matrix]:
+        """Of nodes along a direction the mass, and that of unit density, both by the latter's diagonal."""
+        row, column = (np.broadcast_to(rows, masses.shape) for rows in (block.rows[:, :, None], block.rows[:, None, :]))
+        entries = masses.ravel(), (row.ravel(), column.ravel())
+        nodes = np.flatnonzero(inside & (self.dof[:, d] >= 0))
+        mesh = coo_matrix(entries, shape=(self._count, self._count)).tocsr()[nodes][:, nodes]
+        own = self._model.mass[self.dof[nodes, d]][:, self.dof[nodes, d]]
+        inverse = diags(mesh.diagonal() ** -0.5, shape=mesh.shape)
+        return csr_matrix(inverse @ own @ inverse), csr_matrix(inverse @ mesh @ inverse)
+
+    def _own_sums(self, d: int) -> np.ndarray:
+        """Sums of the rows of the matrix over what moves along a direction, `[N]`; 0 at nodes that do not."""
+        moves = self.dof[:, d] >= 0
+        along = np.zeros(self._model.size)
+        along[self.dof[moves, d]] = 1.0
+        sums = np.zeros(self._count)
+        sums[moves] = (self._model.mass @ along)[self.dof[moves, d]]
+        return sums
+
+    def _surrounded(self, block: _Block) -> np.ndarray:
+        """Nodes all of whose elements are in a block, `[N]` bool."""
+        every = np.zeros(self._count, dtype=int)
+        for _, nodes in self._model.elements.values():
+            every += np.bincount(self._rows_of(nodes).ravel(), minlength=self._count)
+        inside = np.bincount(block.rows.ravel(), minlength=self._count)
+        return np.asarray((inside > 0) & (inside == every))
+
+    def _missed(
+        self, load: np.ndarray, known: list[tuple[_Block, np.ndarray]], d: int, values: np.ndarray
+    ) -> np.ndarray:
+        """What rows beside dependent nodes, but those that others depend on too, differ by from the mesh, `[rows]`."""
+        ones = np.ones(self._count)
+        found = []
+        for block, mass in known:
+            beside = block.sums(np.abs(mass), self.depends[:, d].astype(float), self._count) > 0.0
+            rows = np.flatnonzero(beside & self._surrounded(block) & (self.dof[:, d] >= 0))
+            whole = block.sums(mass, ones, self._count)[rows]
+            size = block.sums(np.abs(mass), ones, self._count)[rows]
+            rows = rows[self._own_sums(d)[rows] <= whole + SAME_MASS * size]
+            found.append(load[self.dof[rows, d]] - block.sums(mass, values, self._count)[rows])
+        return np.concatenate([np.empty(0), *found])
+
+    @cached_property
+    def _is_lumped(self) -> bool:
+        """Whether no node beside a support shares any mass: all of it is in the rows."""
+        own = np.unique(np.concatenate([self.dof[block.rows].ravel() for block in self.blocks] or [np.empty(0, int)]))
+        own = own[own >= 0]
+        entries = abs(self._model.mass[own])
+        return bool(entries.sum() <= (1.0 + 1e-12) * entries[np.arange(len(own)), own].sum())
+
+    @property
+    def _has_others_beside_supports(self) -> bool:
+        """Whether elements of kinds without shape functions here have both free and held nodes."""
+        others = [self._rows_of(nodes) for kind, (_, nodes) in self._model.elements.items() if kind not in KINDS]
+        return any(
+            bool(np.any(self.held[rows].any(axis=(1, 2)) & (self.dof[rows] >= 0).any(axis=(1, 2)))) for rows in others
+        )
+
+
+def _volumes(model: Model, kind: str, rows: np.ndarray, rule: int) -> np.ndarray:
+    """Of the points of integration of solids of a kind, `[E, points]`."""
+    _, gradients, weights = mass_shapes(kind, rule)
+    jacobian = np.einsum("eix,pir->eprx", model.coordinates[rows], gradients, optimize=True)
+    return np.asarray(np.abs(np.linalg.det(jacobian)) * weights)

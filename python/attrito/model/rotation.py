@@ -7,7 +7,8 @@ In the frame that turns with speed Omega about an axis a through a point p, smal
 P (x - p) being the vector from the axis: the mass times the acceleration of a point in a turning frame, which is
 x'' + 2 Omega a x x' - Omega^2 P (x - p). The Coriolis term 2 Omega a x q' is in `coriolis`.
 
-Held dofs have no row: a node beside a support misses the mass that it shares with it, in the load as in the softening.
+Held dofs have no row. What a node beside a support shares with it is in the load (`held_mass`); they do not move, and
+so have no part in the softening.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.sparse import coo_matrix, csr_matrix
+
+from attrito.model.held_mass import inertia_of
 
 if TYPE_CHECKING:
     from attrito.model.model import Model
@@ -44,7 +47,7 @@ def centrifugal_load(model: Model, spin: Spin) -> np.ndarray:
     """f = Omega^2 M P (x - p), `[n]`, user force."""
     offset = model.coordinates - spin.point
     radius = offset - np.outer(offset @ spin.direction, spin.direction)
-    return spin.omega**2 * (model.mass @ model.on_dofs(radius))
+    return inertia_of(model, spin.omega**2 * radius)
 
 
 def softening(model: Model, spin: Spin) -> csr_matrix:

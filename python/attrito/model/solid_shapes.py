@@ -91,6 +91,30 @@ def solid_shapes(kind: str) -> SolidShapes:
     )
 
 
+@cache
+def mass_shapes(kind: str, rule: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Shape functions and gradients of one of `KINDS` where products of two are integrated, and weights of the points.
+
+    By rule 0 they are exact on straight elements; by rule 1 points are those of stresses, and one in a C3D8R.
+    """
+    corners, edges, powers, count, _ = _KINDS[kind]
+    nodes = np.vstack([corners, *(0.5 * (corners[a] + corners[b])[None] for a, b in edges)])
+    if corners is _TETRA:
+        points, weights = _tetra_points(count) if rule else _collapsed(*_gauss_points(4))
+    else:
+        fewer = 1 if kind == "C3D8R" else round(count ** (1 / 3))
+        points, weights = _gauss_points(fewer if rule else 3 if edges else 2)
+    to_shape = np.linalg.inv(_monomials(nodes, powers))
+    return _monomials(points, powers) @ to_shape, _slopes(points, powers, to_shape), weights
+
+
+def _collapsed(points: np.ndarray, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A rule of the cube on the tetrahedron, r = x, s = (1 - x) y, t = (1 - x) (1 - y) z, each from 0 to 1."""
+    x, y, z = 0.5 * (1.0 + points.T)
+    places = np.stack([x, (1.0 - x) * y, (1.0 - x) * (1.0 - y) * z], axis=1)
+    return places, weights / 8.0 * (1.0 - x) ** 2 * (1.0 - y)
+
+
 def _tetra_points(count: int) -> tuple[np.ndarray, np.ndarray]:
     """Points and weights of the rules of degree 1 and 2."""
     weights = np.full(count, 1.0 / 6.0 / count)

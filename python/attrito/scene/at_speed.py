@@ -21,6 +21,7 @@ from scipy.sparse import csr_matrix
 
 from attrito.importers import check_matrices, read_matrix
 from attrito.job.job import Job
+from attrito.model.held_mass import UnknownMassError
 from attrito.model.model import SPIN_SOFTENING, STRESS_STIFFENING, Model
 from attrito.model.model_file import read_model
 from attrito.model.rotation import Spin, centrifugal_load, softening, spin_of
@@ -97,7 +98,10 @@ def rotating_scene(job: Job, scene: Scene) -> RotatingScene:
         load = list(scene.static).index(spinning["name"])
         # A load of speed 0 cannot be scaled.
         load_hz = spinning["speed_hz"] or max(keys["speeds_hz"]) or 1.0
-        vector = centrifugal_load(model, spin_of(spinning | {"speed_hz": load_hz}))
+        try:
+            vector = centrifugal_load(model, spin_of(spinning | {"speed_hz": load_hz}))
+        except UnknownMassError as error:
+            raise InputError(job.fault(f"load {spinning['name']}", "centrifugal", str(error))) from None
         scene = replace(scene, static=scene.static | {spinning["name"]: vector})
         taken = softening(model, Spin(1.0, *_axis(spinning)))
     parts: list[csr_matrix] = []

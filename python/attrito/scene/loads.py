@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -9,6 +11,7 @@ import numpy as np
 
 from attrito.job.accelerations import BASE_KEYS, is_vector
 from attrito.model.accelerations import HELD_BY_NOTHING, is_held, rigid_translation
+from attrito.model.held_mass import UnknownMassError, inertia_of
 from attrito.model.model import SPIN_SOFTENING
 from attrito.model.rotation import centrifugal_load, partly_held, softening, spin_of
 from attrito.scene.deck_loads import deck_force
@@ -38,7 +41,8 @@ def build_loads(job: Job, model: Model, places: DofResolver) -> tuple[dict[str, 
         elif load["kind"] == "centrifugal":
             static[load["name"]] = np.zeros(model.size)
             if model.has_mesh:
-                static[load["name"]] = centrifugal_load(model, spin_of(load))
+                with _faults_of(places, f"{key} kind", "centrifugal"):
+                    static[load["name"]] = centrifugal_load(model, spin_of(load))
             else:
                 places.add(f"{key} kind", "centrifugal", "a model with a mesh: the load needs the nodes' coordinates")
         elif load["gravity"] is not None:
@@ -58,9 +62,22 @@ def _inertia(load: dict[str, Any], name: str, model: Model, places: DofResolver,
     if not is_vector(given):
         return np.asarray(model.mass @ places.vector(given, f"{key} {name}"))
     if model.dof_direction is not None:
+        if model.has_mesh:
+            with _faults_of(places, f"{key} {name}", given):
+                return inertia_of(model, np.tile(np.asarray(given, dtype=float), (len(model.node_ids), 1)))
+            return np.zeros(model.size)
         return np.asarray(model.mass @ rigid_translation(model, given))
     places.add(f"{key} {name}", given, "pairs [dof, acceleration], since the model does not say where its dofs point")
     return np.zeros(model.size)
+
+
+@contextlib.contextmanager
+def _faults_of(places: DofResolver, key: str, value: Any) -> Iterator[None]:
+    """A fault where matrices and mesh do not tell a load by mass."""
+    try:
+        yield
+    except UnknownMassError as error:
+        places.add(key, value, str(error))
 
 
 def check_base_holds(job: Job, model: Model, contacts: Contacts, places: DofResolver) -> None:

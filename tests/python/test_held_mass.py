@@ -1,0 +1,145 @@
+"""Loads by mass have what free nodes share with held ones: against whole bodies, and against CalculiX's static step."""
+
+from __future__ import annotations
+
+import subprocess
+from itertools import product
+
+import numpy as np
+import pytest
+from bricks import brick
+from scipy.sparse import diags
+from scipy.sparse.linalg import spsolve
+
+from attrito.importers import import_model
+from attrito.model.accelerations import rigid_translation
+from attrito.model.held_mass import BesideSupports, UnknownMassError, inertia_of
+from attrito.model.model import Model
+from attrito.model.model_file import read_model
+from attrito.model.rotation import Spin, centrifugal_load
+
+
+def distorted(points: np.ndarray) -> np.ndarray:
+    """A shape whose bricks are no parallelepipeds."""
+    x, y, z = points.T
+    return np.stack([x + 0.2 * y * z / 0.03, y + 0.1 * x, z * (1.0 + 2.0 * x) + 0.1 * y], axis=1)
+
+
+def of_whole(whole: Model, model: Model, acceleration: np.ndarray) -> np.ndarray:
+    """M a with the mass of all nodes, at the dofs of a model that lacks the held ones."""
+    row = {place: i for i, place in enumerate(zip(whole.dof_node, whole.dof_direction, strict=True))}
+    load = whole.mass @ whole.on_dofs(acceleration)
+    return load[[row[place] for place in zip(model.dof_node, model.dof_direction, strict=True)]]
+
+
+@pytest.mark.parametrize("shape", [lambda points: points, distorted])
+def test_loads_by_mass_are_those_of_the_whole_body(shape):
+    whole, model = brick(shape=shape), brick(held=lambda points: points[:, 0] < 1e-9, shape=shape)
+    for acceleration in (np.tile([1.0, -2.0, 3.0], (len(model.node_ids), 1)), model.coordinates * [1.0, 0.0, -1.0]):
+        expected = of_whole(whole, model, acceleration)
+        assert inertia_of(model, acceleration) == pytest.approx(expected, rel=1e-9, abs=1e-12 * np.abs(expected).max())
+        lacking = model.mass @ model.on_dofs(acceleration)
+        assert np.abs(lacking - expected).max() > 0.01 * np.abs(expected).max(), "the test is void"
+    assert BesideSupports(model).unknown_share == 0.0
+
+
+def test_a_lumped_mass_shares_nothing():
+    model = brick(held=lambda points: points[:, 0] < 1e-9)
+    model.mass = diags(np.asarray(model.mass.sum(axis=1)).ravel()).tocsr()
+    upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
+    assert np.array_equal(inertia_of(model, upward), model.mass @ rigid_translation(model, (0.0, 0.0, 1.0)))
+    assert BesideSupports(model).unknown_share == 0.0
+
+
+@pytest.mark.parametrize("bricks", [2, 5])
+def test_a_mass_that_the_mesh_does_not_tell_is_left_out_and_its_share_said(bricks):
+    """Of bricks with one face held F = x, and the integral of x (1 - x) is a sixth."""
+    grid = list(product(range(bricks + 1), (0, 1), (0, 1)))
+    number = {place: k + 1 for k, place in enumerate(grid)}
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    rows = np.array([[number[x + i, j, k] for i, j, k in corners] for x in range(bricks)])
+    free = [number[place] for place in grid if place[0] > 0]
+    random = np.random.default_rng(1)
+    mass = random.uniform(1.0, 2.0, (3 * len(free), 3 * len(free)))
+    model = Model(
+        diags(np.ones(len(mass))).tocsr(),
+        type(diags([1.0]).tocsr())(mass + mass.T),
+        dof_node=np.repeat(free, 3),
+        dof_direction=np.tile([1, 2, 3], len(free)),
+        node_ids=np.arange(1, len(grid) + 1),
+        coordinates=np.array(grid, float),
+        elements={"C3D8": (np.arange(1, bricks + 1), rows)},
+    )
+    assert BesideSupports(model).unknown_share == pytest.approx(1.0 / 6.0 / bricks, rel=1e-12)
+    upward = np.tile([0.0, 0.0, 1.0], (len(grid), 1))
+    assert inertia_of(model, upward) == pytest.approx(model.mass @ model.on_dofs(upward), rel=1e-12)
+
+
+def beam(kind: str) -> str:
+    """Three by two by one elements of a kind, clamped at x = 0."""
+    steps = 2 if "20" in kind else 1
+    size = np.array([30.0, 16.0, 7.0]) / steps / [3, 2, 1]
+    numbers: dict[tuple[int, ...], int] = {}
+    corners = [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1)]
+    edges = [(0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7)]
+    # A cube in six tetrahedra about its diagonal
+    tetrahedra = [(0, 1, 2, 6), (0, 2, 3, 6), (0, 3, 7, 6), (0, 7, 4, 6), (0, 4, 5, 6), (0, 5, 1, 6)]
+    lines = []
+    for place in product(range(3), range(2), range(1)):
+        own = [tuple(steps * (np.array(place) + corner)) for corner in corners]
+        if steps == 2:
+            own += [tuple((np.array(own[a]) + own[b]) // 2) for a, b in edges]
+        nodes = [numbers.setdefault(tuple(map(int, at)), len(numbers) + 1) for at in own]
+        for chosen in tetrahedra if kind == "C3D4" else [range(len(nodes))]:
+            words = [str(len(lines) + 1), *(str(nodes[i]) for i in chosen)]
+            lines.append(",\n".join(", ".join(words[i : i + 10]) for i in range(0, len(words), 10)))
+    nodes = [f"{node}, {', '.join(f'{v:.9g}' for v in np.array(at) * size)}" for at, node in numbers.items()]
+    held = ",\n".join(str(node) for at, node in numbers.items() if at[0] == 0)
+    return (
+        "*NODE, NSET=all\n" + "\n".join(nodes) + f"\n*ELEMENT, TYPE={kind}, ELSET=E\n" + "\n".join(lines)
+        + f"\n*NSET, NSET=clamp\n{held}\n*MATERIAL, NAME=s\n*ELASTIC\n210000., 0.3\n*DENSITY\n7.8e-9\n"
+        "*SOLID SECTION, ELSET=E, MATERIAL=s\n*BOUNDARY\nclamp, 1, 3\n"
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", ["C3D8", "C3D8R", "C3D4", "C3D20", "C3D20R"])
+def test_displacements_are_those_of_calculix_s_static_step(tmp_path, kind):
+    (tmp_path / "m.inp").write_text(f"{beam(kind)}*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n*END STEP\n")
+    speed = 300.0
+    for name, load in (("g", "E, GRAV, 9810., 0., 0., -1."), ("c", f"E, CENTRIF, {speed**2}, -5., 0., 0., 0., 1., 0.")):
+        steps = f"*STEP\n*STATIC\n*DLOAD\n{load}\n*NODE PRINT, NSET=all\nU\n*END STEP\n"
+        (tmp_path / f"{name}.inp").write_text(beam(kind) + steps)
+    for name in "mgc":
+        subprocess.run(["ccx", "-i", name], cwd=tmp_path, check=True, capture_output=True)
+    import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
+    model = read_model(tmp_path / "m.h5")
+    loads = {
+        "g": inertia_of(model, np.tile([0.0, 0.0, -9810.0], (len(model.node_ids), 1))),
+        "c": centrifugal_load(model, Spin(speed, np.array([-5.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0]))),
+    }
+    for name, load in loads.items():
+        rows = [line.split() for line in (tmp_path / f"{name}.dat").read_text().splitlines() if line.strip()]
+        printed = {int(row[0]): [float(value) for value in row[1:]] for row in rows if row[0].isdigit()}
+        found = spsolve(model.stiffness.tocsc(), load)
+        expected = [printed[node][d - 1] for node, d in zip(model.dof_node, model.dof_direction, strict=True)]
+        # Seven digits are printed, and a C3D20R's load is integrated by fewer points than its mass.
+        assert found == pytest.approx(np.array(expected), abs=1e-5 * np.abs(expected).max())
+
+
+def test_rotation_of_what_a_rigid_body_moves_is_refused_and_its_weight_is_not(tmp_path):
+    nodes = "*NODE, NSET=ref\n9001, 35., 8., 3.\n*NODE, NSET=rot\n9002, 35., 8., 3.\n"
+    rows = [line.split(",") for line in beam("C3D8").split("*ELEMENT")[0].splitlines()[1:]]
+    end = ",\n".join(row[0] for row in rows if float(row[1]) == 30.0)
+    deck = beam("C3D8").replace("*MATERIAL", f"{nodes}*NSET, NSET=end\n{end}\n*MATERIAL")
+    deck = deck.replace("*BOUNDARY", "*RIGID BODY, NSET=end, REF NODE=9001, ROT NODE=9002\n*BOUNDARY")
+    (tmp_path / "m.inp").write_text(f"{deck}*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n*END STEP\n")
+    subprocess.run(["ccx", "-i", "m"], cwd=tmp_path, check=True, capture_output=True)
+    import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
+    model = read_model(tmp_path / "m.h5")
+    with pytest.raises(UnknownMassError, match="the matrices do not tell"):
+        centrifugal_load(model, Spin(300.0, np.array([20.0, 8.0, 3.0]), np.array([0.0, 1.0, 0.0])))
+    upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
+    # Of all nodes but the held ones, which support a half of their row of elements
+    shared = 0.5 / 3.0 * 30.0 * 16.0 * 7.0 * 7.8e-9
+    weight = inertia_of(model, upward)[np.asarray(model.dof_direction) == 3].sum()
+    assert weight == pytest.approx(30.0 * 16.0 * 7.0 * 7.8e-9 - shared, rel=1e-6)
