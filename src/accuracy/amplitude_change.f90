@@ -10,7 +10,7 @@ module attrito_accuracy_amplitude_change
   use attrito_core_trigonometric, only: extrema, resized
   implicit none
   private
-  public :: relative_change
+  public :: relative_change, share_of_motion
 
   !> Monitors below this part of the largest amplitude are measured against it: what hardly moves has no relative error
   real(wp), parameter :: least_share = 1.0e-3_wp ! conventional

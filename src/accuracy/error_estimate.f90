@@ -18,6 +18,7 @@ module attrito_accuracy_error_estimate
   use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_accuracy_resonances, only: resonances_type
   use attrito_accuracy_second_step, only: second_step_type, step_again
+  use attrito_accuracy_work_error, only: estimate_work_errors
   implicit none
   private
   public :: error_estimate_type, any_sampled, harmonics_share, samples_share, own_monitors, short_series
@@ -90,10 +91,13 @@ contains
     self%at_most = 0.0_wp
     self%missing = 0.0_wp
     self%known_part = 0.0_wp
+    if (allocated(errors%work)) deallocate (errors%work)
     if (.not. solved) return
     associate (balance => solver%context%balance)
+      allocate (errors%work(size(balance%law)), source=0.0_wp)
       if (solver%all_stick .and. size(solver%structure%harmonic_load, 2) <= balance%coefficients()) return
       call self%look_finer(solver, tolerance, finer, second, status)
+      if (status == 0) call estimate_work_errors(self%longer, solver, finer, second, errors%work)
       error = ieee_value(error, ieee_quiet_nan)
       if (status == 0) then
         own = own_monitors(solver)

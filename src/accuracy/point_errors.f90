@@ -1,6 +1,6 @@
 !> The estimated errors of a point by what causes them, and whether they keep a tolerance.
 module attrito_accuracy_point_errors
-  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan
+  use, intrinsic :: ieee_arithmetic, only: ieee_is_nan, ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
   implicit none
   private
@@ -12,10 +12,13 @@ module attrito_accuracy_point_errors
   !> Relative errors of the amplitude; by harmonics and samples NaN where the linearised step that estimates them is singular
   type :: point_errors_type
     real(wp) :: harmonics = 0.0_wp, samples = 0.0_wp, modes = 0.0_wp
+    !> What a finer balance changes of each of this rank's contacts' work a period; not allocated where none was asked for
+    real(wp), allocatable :: work(:)
   contains
     procedure :: all
     procedure :: are_known
     procedure :: are_within
+    procedure :: of_work
   end type point_errors_type
 
 contains
@@ -43,4 +46,18 @@ contains
     are_within = tolerance >= no_tolerance
     if (self%are_known() .and. .not. are_within) are_within = self%all() <= tolerance
   end function are_within
+
+  !> The error of a contact's work a period: what a finer balance changes of it, and no less than the amplitude's error makes of it,
+  !> in which work is of second order: the change of both may cancel by chance. NaN: not known.
+  pure real(wp) function of_work(self, contact, work) result(error)
+    class(point_errors_type), intent(in) :: self
+    !> Number of the contact among this rank's
+    integer, intent(in) :: contact
+    !> Its work
+    real(wp), intent(in) :: work
+
+    error = ieee_value(error, ieee_quiet_nan)
+    if (.not. allocated(self%work) .or. .not. self%are_known()) return
+    error = max(self%work(contact), 2.0_wp*(self%harmonics + self%samples)*abs(work)) + 2.0_wp*self%modes*abs(work)
+  end function of_work
 end module attrito_accuracy_point_errors

@@ -37,6 +37,9 @@ module attrito_accuracy_second_step
     real(wp), allocatable :: monitors(:, :)
     !> Response that these belong to [n, 0:K]
     complex(wp), allocatable :: response(:, :)
+    !> Its angular frequency, and what start sliders that are unknowns have moved by [width, contacts]
+    real(wp) :: omega = 0.0_wp
+    real(wp), allocatable :: slider(:, :)
     !> What answers beyond the second would add, all harmonics beyond H together: part of the motion, as `threshold` is
     real(wp) :: missing = 0.0_wp
     !> The harmonic beyond which that is no more than what may be missing; 0: all of it is not
@@ -106,6 +109,8 @@ contains
       call add_frequency(response, moved%omega)
       second%monitors = balance%monitors%motion_of(response)
       second%response = response
+      second%omega = first%omega + moved%omega
+      second%slider = first%slider + moved%slider
     end associate
 
   contains

@@ -379,6 +379,8 @@ typedef struct {
     double amplitude;
     double slope;
     double curvature;
+    double amplitude_error;
+    double frequency_error;
     int evaluations;
     int ending;
     int at_corner;

@@ -109,7 +109,7 @@ contains
     type(point_errors_type) :: errors
 
     session => session_of(handle)
-    call estimate_mode_errors(session%mode_estimator, session%solver, session%backbone, errors)
+    call estimate_mode_errors(session%finer_estimator, session%solver, session%backbone, errors)
     harmonics = errors%harmonics
     samples = errors%samples
   end subroutine attrito_mode_errors

@@ -4,12 +4,14 @@ module attrito_api_peak
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
   use attrito_accuracy_finer_balance, only: finer_point_type
+  use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
   use attrito_solve_strategy_outcome, only: evidence_type
   use attrito_peak_condition, only: problem_type, value_of
   use attrito_peak_curve, only: follow_parameter
   use attrito_peak_endings, only: ending_none, ending_not_found
+  use attrito_peak_peak_error, only: estimate_peak_errors, peak_errors_type
   use attrito_peak_first_peak, only: begin_curve, begin_curve_near
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
@@ -21,6 +23,8 @@ module attrito_api_peak
     type(point_type) :: point
     !> Value of the parameter; amplitude of the monitor, how it changes with the parameter along the peaks, and with omega twice
     real(c_double) :: parameter, amplitude, slope, curvature
+    !> Estimated relative errors of its amplitude and of its frequency; NaN: not known
+    real(c_double) :: amplitude_error, frequency_error
     !> Evaluations of the balance since the session began; why there is no peak, as endings are counted; is it a corner?
     integer(c_int) :: evaluations, ending, at_corner
   end type peak_type
@@ -153,6 +157,7 @@ contains
     type(peak_type), intent(out) :: peak
     type(newton_report_type) :: ended
     type(finer_point_type) :: finer
+    type(peak_errors_type) :: errors
 
     ! Why there is no peak is its ending, and no property of the point where the solver was left.
     if (.not. session%peak%found) session%solver%evidence = evidence_type()
@@ -161,6 +166,7 @@ contains
     ended%iterations = session%peak%iterations
     call session%accuracy%estimate(session%solver, ended%converged, finer)
     call report_point(session%solver, ended, branch, session%accuracy%errors, session%accuracy%series%tolerance, session%point)
+    if (ended%converged) call judge(session, errors)
     peak%point = point_of(session%point)
     peak%evaluations = session%solver%context%balance%evaluations
     peak%ending = session%peak%ending
@@ -170,9 +176,28 @@ contains
     peak%amplitude = 0.0_wp
     peak%slope = 0.0_wp
     peak%curvature = 0.0_wp
+    peak%amplitude_error = 0.0_wp
+    peak%frequency_error = 0.0_wp
     if (.not. session%peak%found) return
+    peak%amplitude_error = errors%amplitude
+    peak%frequency_error = errors%frequency
     peak%amplitude = session%peak%point%amplitude%value
     peak%slope = session%peak%point%by_parameter_amplitude
     peak%curvature = session%peak%curvature()
   end subroutine describe
+
+  !> The errors of the peak itself, which keep the tolerance as well as those of its point do, or not.
+  subroutine judge(session, errors)
+    !> Session behind a handle, at a peak
+    type(session_type), intent(inout) :: session
+    type(peak_errors_type), intent(out) :: errors
+    type(point_errors_type) :: of_peak
+
+    associate (findings => session%point%findings, tolerance => session%accuracy%series%tolerance)
+      call estimate_peak_errors(session%finer_estimator, session%solver, session%peak%problem, session%peak%at_corner, &
+                                session%accuracy%errors, errors)
+      of_peak%harmonics = errors%amplitude
+      findings%within_tolerance = findings%within_tolerance .and. of_peak%are_within(tolerance)
+    end associate
+  end subroutine judge
 end module attrito_api_peak

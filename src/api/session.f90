@@ -53,10 +53,10 @@ module attrito_api_session
     type(member_type) :: members(0:1)
     !> What derivatives are asked for
     type(inquiry_type) :: inquiry
-    !> A peak that is followed; a mode's backbone, and finer balances that estimate its errors; a mode loaded quasi-statically
+    !> A peak that is followed; a mode's backbone, and finer balances that estimate errors of either; a mode loaded quasi-statically
     type(curve_type) :: peak
     type(backbone_type) :: backbone
-    type(error_estimate_type) :: mode_estimator
+    type(error_estimate_type) :: finer_estimator
     type(quasi_static_type) :: quasi_static
     !> The linear system in time, once it is asked for, and what was found of the last point's stability
     type(system_type), allocatable :: in_time

@@ -414,7 +414,7 @@ contains
 
     session => session_of(handle)
     call session%accuracy%destroy()
-    call session%mode_estimator%destroy()
+    call session%finer_estimator%destroy()
     call session%solver%destroy()
     if (allocated(session%contacts%law)) call release_laws(session%contacts%law)
     deallocate (session)

@@ -1,9 +1,9 @@
 !> A real trigonometric polynomial, x(theta) = a_0 + sum_h (a_ch cos h theta + a_sh sin h theta): values and located extrema.
 module attrito_core_trigonometric
-  use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_kinds, only: wp, pi, two_pi
   implicit none
   private
-  public :: harmonics_at, basis_at, value_at, extrema, extreme_angles, resized, to_complex, to_real
+  public :: harmonics_at, basis_at, value_at, extrema, extreme_angles, resized, to_complex, to_real, work_per_period
 
   !> Harmonics that are carried on at a time, each of which waits for none of the others
   integer, parameter :: stride = 4 ! conventional
@@ -245,4 +245,16 @@ contains
       values(half + j) = parts(0) - parts(1)
     end do
   end subroutine sample
+
+  !> Work of a force on a displacement over a period, pi sum_h h (F_c u_s - F_s u_c), of as many harmonics as both have.
+  pure real(wp) function work_per_period(force, displacement)
+    !> Coefficients of the force; coefficients of the displacement
+    real(wp), intent(in) :: force(:), displacement(:)
+    integer :: h
+
+    work_per_period = 0.0_wp
+    do h = 1, (min(size(force), size(displacement)) - 1)/2
+      work_per_period = work_per_period + pi*h*(force(2*h)*displacement(2*h + 1) - force(2*h + 1)*displacement(2*h))
+    end do
+  end function work_per_period
 end module attrito_core_trigonometric

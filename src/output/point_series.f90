@@ -2,8 +2,8 @@
 !> root, to whom they are gathered, hands them to its listener.
 module attrito_output_point_series
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
-  use attrito_core_kinds, only: wp, pi, two_pi
-  use attrito_core_trigonometric, only: extrema
+  use attrito_core_kinds, only: wp, two_pi
+  use attrito_core_trigonometric, only: extrema, work_per_period
   use attrito_model_contacts, only: contact_type
   use attrito_solve_solver, only: solver_type
   use attrito_output_listener, only: listener_type
@@ -15,16 +15,19 @@ module attrito_output_point_series
 
   character(12), parameter :: state_names(0:3) = [character(12) :: 'stuck', 'shaken_down', 'slipping', 'open']
   !> Series of one number a contact, in the order of `numbers_of`
-  integer, parameter :: contact_columns = 14
-  character(20), parameter :: contact_series(contact_columns) = [character(20) :: 'n_mean', 'n_min', 'n_low', 'n_high', 't1_mean', &
-    't1_low', 't1_high', 't2_mean', 't2_low', 't2_high', 'stick', 'slip', 'open', 'dissipated_energy']
+  integer, parameter :: contact_columns = 15
+  character(23), parameter :: contact_series(contact_columns) = [character(23) :: 'n_mean', 'n_min', 'n_low', 'n_high', 't1_mean', &
+    't1_low', 't1_high', 't2_mean', 't2_low', 't2_high', 'stick', 'slip', 'open', 'dissipated_energy', &
+    'dissipated_energy_error']
   character(64), parameter :: contact_descriptions(contact_columns) = [character(64) :: 'mean normal force', &
     'least normal force over the period', 'lower bound of the mean normal force', 'upper bound of the mean normal force', &
     'mean tangential force, first direction', 'its lower bound', 'its upper bound', 'mean tangential force, second direction', &
     'its lower bound', 'its upper bound', 'part of the period in stick', 'part of the period in slip', &
-    'part of the period in lift-off', 'work done against friction per period']
+    'part of the period in lift-off', 'work done against friction per period', &
+    'estimated error of that work; NaN: not known']
   character(12), parameter :: contact_units(contact_columns) = [character(12) :: 'user force', 'user force', 'user force', &
-    'user force', 'user force', 'user force', 'user force', 'user force', 'user force', 'user force', '1', '1', '1', 'user energy']
+    'user force', 'user force', 'user force', 'user force', 'user force', 'user force', 'user force', '1', '1', '1', 'user energy', &
+    'user energy']
 
   !> Rows of what a rank reports of a contact before its series: state, unique
   integer, parameter :: first_rows = 2
@@ -241,6 +244,7 @@ contains
     !> Coefficients, rows t1, t2, n [2 H + 1, 3, contacts]
     real(wp), allocatable, intent(out) :: motion(:, :, :), force(:, :, :)
     real(wp), allocatable :: recovered(:, :)
+    real(wp) :: work
     integer :: i, k, n, row, component
 
     associate (balance => solver%context%balance)
@@ -265,8 +269,8 @@ contains
             numbers(i, 6:7) = numbers(i, 5)
             numbers(i, 9:10) = numbers(i, 8)
           end if
-          numbers(i, 11:14) = [forces%stick, forces%slip, forces%open, &
-                               work_per_period(force(:, 1, i), motion(:, 1, i)) + work_per_period(force(:, 2, i), motion(:, 2, i))]
+          work = work_per_period(force(:, 1, i), motion(:, 1, i)) + work_per_period(force(:, 2, i), motion(:, 2, i))
+          numbers(i, 11:15) = [forces%stick, forces%slip, forces%open, work, report%errors%of_work(i, work)]
         end associate
       end do
     end associate
@@ -283,18 +287,6 @@ contains
     range = extrema(closing)
     least_normal_force = max(law%normal_force(range(1)), 0.0_wp)
   end function least_normal_force
-
-  !> Work of a force on a displacement over a period, pi sum_h h (F_c u_s - F_s u_c).
-  pure real(wp) function work_per_period(force, displacement)
-    !> Coefficients of the force; coefficients of the displacement
-    real(wp), intent(in) :: force(:), displacement(:)
-    integer :: h
-
-    work_per_period = 0.0_wp
-    do h = 1, (size(force) - 1)/2
-      work_per_period = work_per_period + pi*h*(force(2*h)*displacement(2*h + 1) - force(2*h + 1)*displacement(2*h))
-    end do
-  end function work_per_period
 
   pure function flat(values)
     !> Numbers of the series

@@ -129,7 +129,7 @@ def test_the_command_says_keeps_and_draws_higher_peaks(tmp_path, capfd, written)
 
 
 def test_what_was_swept_in_part_is_said():
-    peak = Peak(None, 2.0, 2.0, 1.0, 0.0, -1.0, 1, "none", False)
+    peak = Peak(None, 2.0, 2.0, 1.0, 0.0, -1.0, 0.0, 0.0, 1, "none", False)
     none = Higher((10.0, 20.0), True, np.nan, np.nan)
     partly = Higher((10.0, 15.0), False, np.nan, np.nan)
     above = Higher((10.0, 20.0), True, 12.5, 1.5)

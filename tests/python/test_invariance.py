@@ -11,8 +11,8 @@ from units import Units, numbers
 UNITS = [Units(time=2.0**-20), Units(time=2.0**20), Units(length=2.0**-20), Units(mass=2.0**20), Units(1e-6, 1e3, 1e-6)]
 NAMES = ["time / 2^20", "time x 2^20", "length / 2^20", "mass x 2^20", "us, mm, t"]
 # What rounding alone makes: residuals, work of contacts that stick, and margins of couplings that are none.
-ROUNDING = ("residual", "defect", "contraction", "dissipated_energy", "friction_margin", "evaluations", "work")
-ROUNDING = (*ROUNDING, "elasticity", "seconds")
+ROUNDING = ("residual", "defect", "contraction", "dissipated_energy", "dissipated_energy_error", "friction_margin")
+ROUNDING = (*ROUNDING, "evaluations", "work", "elasticity", "seconds")
 
 
 def jobs():

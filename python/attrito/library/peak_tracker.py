@@ -35,6 +35,7 @@ class Peak:
     amplitude : of the monitor, user length
     slope : its derivative by the parameter along the peaks
     curvature : its second derivative by angular frequency along the frequency response; negative at a maximum
+    amplitude_error, frequency_error : estimated relative errors of the peak's amplitude and frequency; NaN: not known
     evaluations : of the balance, since the session began
     ending : a name of `ENDINGS`, why there is no peak
     at_corner : whether the amplitude rises to it on one side and falls on the other with a corner, where a contact
@@ -47,6 +48,8 @@ class Peak:
     amplitude: float
     slope: float
     curvature: float
+    amplitude_error: float
+    frequency_error: float
     evaluations: int
     ending: str
     at_corner: bool
@@ -182,6 +185,8 @@ class PeakTracker:
             raw.amplitude,
             np.nan if at_corner else raw.slope,
             np.nan if at_corner else raw.curvature,
+            raw.amplitude_error,
+            raw.frequency_error,
             raw.evaluations,
             ENDINGS[raw.ending],
             at_corner,

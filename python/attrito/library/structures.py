@@ -57,7 +57,7 @@ class RawPeak(ctypes.Structure):
 
     _fields_ = [
         ("point", RawPoint),
-        *_all(c_double, "parameter", "amplitude", "slope", "curvature"),
+        *_all(c_double, "parameter", "amplitude", "slope", "curvature", "amplitude_error", "frequency_error"),
         *_all(c_int, "evaluations", "ending", "at_corner"),
     ]
 

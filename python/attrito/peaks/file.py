@@ -43,7 +43,9 @@ COLUMNS = {
         "user length/Hz^2",
     ),
     "residual": ("relative residual of the balance", "1"),
-    "estimate": ("estimated relative error by truncation", "1"),
+    "estimate": ("estimated relative error of the point by truncation", "1"),
+    "amplitude_error": ("estimated relative error of the peak's amplitude; NaN: not known", "1"),
+    "frequency_error": ("estimated relative error of the peak's frequency; NaN: not known", "1"),
 }
 COUNTS = {
     "iterations": "Newton steps, failed steps included",
@@ -82,8 +84,9 @@ AT_PEAKS = {
     "backbone_frequency_hz": ("where the backbone expects the peak of this level", "Hz"),
     "backbone_response": ("amplitude by level that it expects", "user length"),
 }
-# Of columns, those that not every file has
-OPTIONAL = (*BESIDE, *AT_PEAKS)
+# Of columns, those that not every file has: errors of peaks are not in files of attrito 0.2
+ERRORS = ("amplitude_error", "frequency_error")
+OPTIONAL = (*BESIDE, *AT_PEAKS, *ERRORS)
 ALONG = {
     "level": ("factor on the harmonic loads whose work, in quadrature, would keep the motion up", "1"),
     "frequency_hz": ("frequency of the motion without excitation", "Hz"),
@@ -117,6 +120,8 @@ def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
             "curvature": (2.0 * np.pi) ** 2 * peak.curvature if known else np.nan,
             "residual": peak.point.residual,
             "estimate": peak.point.estimate,
+            "amplitude_error": peak.amplitude_error if known else np.nan,
+            "frequency_error": peak.frequency_error if known else np.nan,
             "iterations": peak.point.iterations,
             "evaluations": peak.evaluations,
             "unique": int(peak.point.unique),
@@ -298,8 +303,9 @@ def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     with stored(path, "peaks of `attrito peak`") as file:
         if file.attrs.get("format") != FORMAT:
             raise InputError(Fault(path, "format", file.attrs.get("format", "absent"), "peaks of `attrito peak`"))
-        names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *(name for name in OPTIONAL if name in file["peaks"])]
-        data = {name: file[f"peaks/{name}"][()] for name in names}
+        names = [*COLUMNS, *COUNTS, "kind", "outcome", "states", *OPTIONAL]
+        missing = {name for name in OPTIONAL if name not in file["peaks"]}
+        data = {name: file[f"peaks/{name}"][()] for name in dict.fromkeys(names) if name not in missing}
         for name, (short, *_) in SENSITIVITY.items():
             if name not in file["peaks"]:
                 continue
@@ -322,7 +328,7 @@ def holds_peaks(path: str) -> bool:
 def table(path: str) -> str:
     """The peaks as CSV."""
     data, _ = read_peaks(path)
-    numbers = [*COLUMNS, *(name for name in data if name in OPTIONAL or " by " in name)]
+    numbers = [name for name in data if name in COLUMNS or name in OPTIONAL or " by " in name]
     names = ["kind", *numbers, *COUNTS, *STATES, "outcome"]
     lines = [",".join(map(cell, names))]
     for i in range(len(data["level"])):

@@ -15,6 +15,8 @@ from attrito.support.hdf5_reading import as_text
 
 # Of the most that a set dissipates: less has no shares, it is rounding.
 SHARED = 1e-9
+# Not in files of attrito 0.2
+ENERGY_ERROR = "/contacts/dissipated_energy_error"
 
 
 def table(result: Result, quantities: Sequence[str] = ()) -> str:
@@ -68,6 +70,8 @@ def contact_table(result: Result) -> str:
     for name in real:
         columns[name] = numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
     columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []
+    if result.has(ENERGY_ERROR):
+        columns["dissipated_energy_error"] = numbers(result.array(ENERGY_ERROR).ravel())
     return _csv(columns | _level_column(result, point))
 
 
@@ -76,7 +80,8 @@ def set_table(result: Result) -> str:
 
     `point, frequency_hz, set, contacts`, then how many are in each state, `stick, slip, open` (means of the fractions
     of the period), `n_mean` (the sum of mean normal forces), `dissipated_energy` a period and its share of that of all
-    contacts; blank where hardly anything is dissipated. Contacts of `[[contact]]` are a set without a name.
+    contacts; blank where hardly anything is dissipated; `dissipated_energy_error`, the sum of their estimated errors.
+    Contacts of `[[contact]]` are a set without a name.
     """
     sets = contact_sets(result)
     counts, nc = result.points, result.contacts
@@ -101,6 +106,8 @@ def set_table(result: Result) -> str:
             columns[name] = numbers(_per_set(result.array(f"/contacts/{name}"), member))
         energy = _per_set(result.array("/contacts/dissipated_energy"), member).reshape(counts, len(sets))
         whole = energy.sum(axis=1, keepdims=True)
+        if result.has(ENERGY_ERROR):
+            columns["dissipated_energy_error"] = numbers(_per_set(result.array(ENERGY_ERROR), member))
         columns["share"] = numbers(
             np.divide(
                 energy, whole, out=np.full(energy.shape, np.nan), where=whole > SHARED * np.abs(energy).max(initial=0.0)

@@ -50,6 +50,8 @@ KINDS = {
             "frequency_hz": ("frequency of the peak, sample by parameter", "Hz"),
             "amplitude": ("amplitude of the monitor at the peak", "user length"),
             "level": ("factor on the harmonic loads", "1"),
+            "amplitude_error": ("estimated relative error of the amplitude; NaN: not known", "1"),
+            "frequency_error": ("estimated relative error of the frequency; NaN: not known", "1"),
         },
         {},
         ("amplitude",),

@@ -117,10 +117,12 @@ class Nodes:
     def _modelled(self, at_nodes: list[Rows], places: np.ndarray) -> list[Rows]:
         """What a file has of samples at some places `[n, quantities]`, from the rows of the nodes, `[nodes][stops]`.
 
-        Numbers come from the model; contacts' states are not known, -1.
+        Numbers come from the model, estimated errors are the largest of all nodes; contacts' states are not known, -1.
         """
         first = at_nodes[0]
-        names = [name for name, value in first[0].items() if isinstance(value, float)]
+        errors = [name for name in first[0] if name.endswith("_error")]
+        names = [name for name, value in first[0].items() if isinstance(value, float) and name not in errors]
+        worst = [{name: max(row[stop][name] for row in at_nodes) for name in errors} for stop in range(len(first))]
         numbers = {name: self._model(at_nodes, name, places) for name in names}
         # What is wrong with one node may be so with all that go through it.
         outcomes = [
@@ -133,7 +135,7 @@ class Nodes:
             for stop, one in enumerate(first):
                 own = {name: float(numbers[name][sample, stop]) for name in names}
                 method = self.study.design
-                row.append(one | own | {"states": [-1] * 4, "method": method, "outcome": outcomes[stop]})
+                row.append(one | own | worst[stop] | {"states": [-1] * 4, "method": method, "outcome": outcomes[stop]})
             rows.append(row)
         return rows
 

@@ -168,6 +168,8 @@ def _row(method: str, peak: Peak | None) -> dict[str, Any]:
         "frequency_hz": None if peak is None else peak.frequency_hz,
         "amplitude": None if peak is None else peak.amplitude,
         "level": None if peak is None else peak.level,
+        "amplitude_error": None if peak is None else peak.amplitude_error,
+        "frequency_error": None if peak is None else peak.frequency_error,
         "states": [0, 0, 0, 0] if peak is None else list(peak.point.states),
         "method": method,
         "outcome": "not_converged" if peak is None else peak.outcome,
