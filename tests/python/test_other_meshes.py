@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import resource
 from types import SimpleNamespace
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from gmsh_writer import BASE, POINTS, TAGS, gmsh
 
-from attrito.importers import import_model, read_mesh
+from attrito.importers import import_model, read_mesh, unpacked
 from attrito.support.errors import InputError
 
 FORMATS = [("2.2", False), ("2.2", True), ("4.1", False), ("4.1", True)]
@@ -149,6 +150,17 @@ def test_gigabytes_of_zeros_are_no_mesh_and_are_not_read_to_their_end(ending, tm
     with pytest.raises(InputError, match="a mesh that meshio can read as"):
         read_mesh(path)
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 1 << 18
+
+
+@pytest.mark.parametrize("compression", ["zlib", "lzma"])
+def test_a_packed_mesh_unpacks_no_more_than_fits_into_memory(compression, tmp_path, monkeypatch):
+    points = np.vstack([np.eye(4)[:, :3], np.zeros((20_000, 3))])
+    write = importlib.import_module("meshio.vtu").write
+    write(tmp_path / "mesh.vtu", meshio.Mesh(points, [("tetra", [[3, 0, 1, 2]])]), compression=compression)
+    assert len(read_mesh(tmp_path / "mesh.vtu").node_ids) == len(points)
+    monkeypatch.setattr(unpacked, "most_bytes", lambda: 100_000)
+    with pytest.raises(InputError, match="bytes when it is unpacked.*expected at most 100000, half of the memory"):
+        read_mesh(tmp_path / "mesh.vtu")
 
 
 def test_a_mesh_of_gmsh_goes_with_matrices(tmp_path):

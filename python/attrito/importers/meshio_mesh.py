@@ -17,6 +17,7 @@ import numpy as np
 
 from attrito.importers.foreign import HDF5, NETCDF
 from attrito.importers.mesh_data import Mesh, check_nodes, new_mesh
+from attrito.importers.unpacked import bounded
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import stored
 
@@ -65,8 +66,12 @@ def read_meshio_mesh(path: str | Path) -> Mesh:
             pass
     try:
         # `meshio.read` would end the program on a file it cannot read, and its readers print warnings.
-        with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO()):
+        quiet = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
+        unpacking = bounded(module._vtu, str(path), "file") if kind == "vtu" else contextlib.nullcontext()
+        with quiet[0], quiet[1], unpacking:
             read = module.read(str(path))
+    except InputError:
+        raise
     except (Exception, SystemExit) as error:
         said = " ".join(str(error).split()) or type(error).__name__
         raise InputError(Fault(str(path), "file", said, expected)) from error

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import lzma
 import os
 import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
 from pathlib import Path
+from types import ModuleType, SimpleNamespace
+from typing import Any
 
 from attrito.importers.source import refuse
 
@@ -31,6 +35,29 @@ def check_zip(path: str, key: str) -> None:
 def check_mat(path: str, key: str) -> None:
     """The same for the variables of a MATLAB file of version 5 to 7."""
     _check(path, key, _sizes(Path(path)))
+
+
+@contextlib.contextmanager
+def bounded(module: ModuleType, path: str, key: str) -> Iterator[None]:
+    """A reader whose `zlib` and `lzma` unpack in the block no more of a file than fits into memory, all together."""
+    libraries = {name: getattr(module, name) for name in ("zlib", "lzma")}
+    left = most_bytes()
+
+    def decompress(machine: Any, data: bytes) -> bytes:
+        nonlocal left
+        made: bytes = machine.decompress(data, left + 1)
+        left -= len(made)
+        if left < 0:
+            _check(path, key, iter([most_bytes() - left]))
+        return made
+
+    module.zlib = SimpleNamespace(decompress=lambda data: decompress(zlib.decompressobj(), data))  # type: ignore[attr-defined]
+    module.lzma = SimpleNamespace(decompress=lambda data: decompress(lzma.LZMADecompressor(), data))  # type: ignore[attr-defined]
+    try:
+        yield
+    finally:
+        for name, library in libraries.items():
+            setattr(module, name, library)
 
 
 def _sizes(path: Path) -> Iterator[int]:
