@@ -2,10 +2,11 @@
 !>
 !> A block of columns is a file of its own in a folder, `<name>_<first>_<last>.h5` with one dataset `/columns [columns, n]`. It gets
 !> that name when it is whole: whoever finds it may use it, whatever befell the process that wrote it. So does a few numbers' file.
+!> Beside each column is the sum of its bits, each number's turned by its place, by which damage since then is seen.
 module attrito_reduce_column_store
   use, intrinsic :: iso_c_binding, only: c_char, c_int, c_null_char
   use, intrinsic :: iso_fortran_env, only: int64
-  use mpi, only: MPI_BARRIER
+  use mpi, only: MPI_ALLREDUCE, MPI_BARRIER, MPI_BXOR, MPI_IN_PLACE, MPI_INTEGER8
   use attrito_core_errors, only: error_type, failure_of_files, raise
   use attrito_core_hdf5_array, only: read_block, write_array, write_block
   use attrito_core_hdf5_dataset, only: array_shape, create_array
@@ -107,6 +108,7 @@ contains
     call create_array(file, '/columns', 'real64', [block%columns(), split%n], 'columns of the basis, one a row', &
                       'user length per coordinate', error)
     if (.not. allocated(error)) call write_block(file, '/columns', [0, split%first - 1], columns, error)
+    if (.not. allocated(error)) call write_array(file, '/sums', sums_of(split, columns), 'sums of bits', '1', error)
     call close_file(file, error)
     if (.not. allocated(error)) call complete(split, path_of(self, block), error)
   end subroutine put
@@ -127,6 +129,7 @@ contains
     call open_file(file, split%ranks%handle, path_of(self, block), error)
     if (allocated(error)) return
     call read_block(file, '/columns', [0, split%first - 1], columns, error)
+    if (.not. allocated(error)) call check(file, path_of(self, block), sums_of(split, columns), error)
     call close_file(file)
   end subroutine get
 
@@ -155,6 +158,7 @@ contains
     call create_file(file, split%ranks%handle, self%folder//'/'//name//'.h5.partial', error, numbers=size(numbers, kind=int64))
     if (allocated(error)) return
     call write_array(file, '/numbers', numbers, 'what a step has found', 'as in rom.h5', error)
+    if (.not. allocated(error)) call write_array(file, '/sums', [sum_of(numbers, 1)], 'sums of bits', '1', error)
     call close_file(file, error)
     if (.not. allocated(error)) call complete(split, self%folder//'/'//name//'.h5', error)
   end subroutine put_numbers
@@ -179,6 +183,7 @@ contains
     if (.not. allocated(error)) then
       allocate (numbers(extent(1)))
       call read_block(file, '/numbers', [0], numbers, error)
+      if (.not. allocated(error)) call check(file, self%folder//'/'//name//'.h5', [sum_of(numbers, 1)], error)
     end if
     call close_file(file)
   end subroutine get_numbers
@@ -200,6 +205,51 @@ contains
     end if
     call MPI_BARRIER(split%ranks%handle, ierr)
   end subroutine drop_numbers
+
+  !> Of each column, over all ranks.
+  function sums_of(split, columns) result(sums)
+    !> Which rows are whose
+    type(split_type), intent(in) :: split
+    !> This rank's rows [rows, columns]
+    real(wp), intent(in) :: columns(:, :)
+    integer(int64) :: sums(size(columns, 2))
+    integer :: i, ierr
+
+    do i = 1, size(sums)
+      sums(i) = sum_of(columns(:, i), split%first)
+    end do
+    call MPI_ALLREDUCE(MPI_IN_PLACE, sums, size(sums), MPI_INTEGER8, MPI_BXOR, split%ranks%handle, ierr)
+  end function sums_of
+
+  !> The exclusive or of the bits of numbers, each turned by its place.
+  pure integer(int64) function sum_of(numbers, first)
+    real(wp), intent(in) :: numbers(:)
+    !> Place of the first
+    integer, intent(in) :: first
+    integer :: i
+
+    sum_of = 0_int64
+    do i = 1, size(numbers)
+      sum_of = ieor(sum_of, ishftc(transfer(numbers(i), sum_of), modulo(first + i, bit_size(i))))
+    end do
+  end function sum_of
+
+  !> Are the sums those that were written?
+  subroutine check(file, path, sums, error)
+    !> The file, and its path
+    type(hdf5_file_type), intent(in) :: file
+    character(*), intent(in) :: path
+    !> Of what was read of it, the same on every rank
+    integer(int64), intent(in) :: sums(:)
+    !> They are not
+    type(error_type), allocatable, intent(out) :: error
+    integer(int64) :: written(size(sums))
+
+    call read_block(file, '/sums', [0], written, error)
+    if (allocated(error)) return
+    if (any(written /= sums)) call raise(error, path//' is damaged: what it holds is not what was written: expected to be deleted,'// &
+                                         ' so that its step is taken again', failure_of_files)
+  end subroutine check
 
   !> Give a whole file its name.
   subroutine complete(split, path, error)

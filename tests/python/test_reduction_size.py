@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -28,7 +29,7 @@ from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.runs.progress import Progress
 from attrito.scene.rom_file import receptance_errors
-from attrito.support.errors import NumericsError
+from attrito.support.errors import InputError, NumericsError
 from attrito.support.own_folders import MARK
 
 REPOSITORY = Path(__file__).parents[2]
@@ -345,6 +346,23 @@ def whole(middling) -> Path:
     options = Options(modes=60, block_size=4)
     reduce_model(MPI.COMM_WORLD, middling / "model.h5", middling / "whole.h5", boundary, options)
     return middling / "whole.h5"
+
+
+@pytest.mark.parametrize("name", ["constraint_*.h5", "constraint_000001_*.h5"])
+def test_a_bit_that_has_turned_over_in_a_finished_step_is_seen(middling, name):
+    boundary = flanks(middling)[:120]
+    np.save(middling / "boundary.npy", boundary)
+    kill_when(middling, "constraint_000029_*.h5", 2)
+    steps = middling / "rom.h5.steps"
+    damaged = sorted(steps.glob(name))[-1]
+    with h5py.File(damaged, "r+") as file:
+        bits = file["columns"][:].view(np.uint64)
+        bits[-1, bits.shape[1] // 2] ^= np.uint64(1)
+        file["columns"][:] = bits.view(np.float64)
+    files = middling / "model.h5", middling / "rom.h5"
+    with pytest.raises((InputError, NumericsError, OSError), match=f"{damaged.name} is damaged"):
+        reduce_model(MPI.COMM_WORLD, *files, boundary, Options(modes=60, block_size=4), fingerprint="it")
+    shutil.rmtree(steps)
 
 
 @pytest.mark.parametrize("pattern", ["constraint_000029_*.h5", "mode_000009_*.h5", "mass.h5"])
