@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 from jobs import Job, run, table
 from rocking_block import rocking_block
+
+from attrito.library.names import STATES
+from attrito.runs.branch_ends import reason
 
 START, STOP = 160.0, 240.0
 
@@ -52,3 +57,9 @@ def test_no_periodic_motion_is_left_between_both_ends(tmp_path):
     folder.mkdir()
     run(folder, job | {"sweep": {"frequencies_hz": between, "levels": [1.0]}}, code=1)
     assert {row["outcome"] for row in table(folder)} == {"no_period_one_orbit"}
+
+
+def test_an_end_with_contacts_that_hold_says_how_many_do_not():
+    states = [STATES.index(name) for name in ("stuck", "shaken_down", "slipping", "slipping", "open")]
+    said = reason({"/contacts/state": np.array([states])}, SimpleNamespace())
+    assert said == "no step along it converges; 3 of 4 contacts that close come to their limit"

@@ -79,8 +79,10 @@ def reason(last: dict[str, np.ndarray], contacts: Contacts) -> str:
     closed = state != STATES.index("open")
     if not closed.any():
         return "all contacts are open"
-    if (state[closed] == STATES.index("stuck")).any():
-        return "no step along it converges"
+    holding = int((state[closed] == STATES.index("stuck")).sum())
+    if holding > 0:
+        closing = int(closed.sum())
+        return f"no step along it converges; {closing - holding} of {closing} contacts that close come to their limit"
     sets = contacts.places["set"].astype(str)
     names = list(dict.fromkeys(sets[closed].tolist()))
     words = ", ".join(name.replace(" - ", "/") for name in names)
