@@ -178,6 +178,10 @@ contains
     real(wp) :: c(n), s(n), product(n)
     integer :: a, h, i, half
 
+    do a = 1, 2
+      force(1, a) = force(1, a) + 0.5_wp*sum(part(:, a))
+    end do
+    if (last == 0) return
     if (known == 0) then
       basis(:, 1) = 1.0_wp
       c = cos(theta)
@@ -187,9 +191,6 @@ contains
       s = basis(:, 3)
     end if
     half = n/2
-    do a = 1, 2
-      force(1, a) = force(1, a) + 0.5_wp*sum(part(:, a))
-    end do
     do h = 1, last
       if (h > max(known, 1)) then
         basis(:, 2*h) = basis(:, 2*h - 2)*c - basis(:, 2*h - 1)*s
