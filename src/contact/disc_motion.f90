@@ -68,6 +68,8 @@ module attrito_contact_disc_motion
   !> Part of the largest r that is no slip: a slider that has come to the last place that holds it lies out of a disc by as much as
   !> residuals leave
   real(wp), parameter :: negligible_part = 1.0e-10_wp ! guess
+  !> Friction that a contact has at least, a part of the normal force below the error of panels: its disc shows when it opens
+  real(wp), parameter :: least_friction = 1.0e-9_wp ! derived
 
 contains
 
@@ -182,13 +184,14 @@ contains
     !> Coefficients of relative displacement u_1, u_2, v [k, 3]
     real(wp), intent(in) :: motion(:, :)
     type(disc_motion_type) :: self
-    real(wp) :: columns(size(motion, 1), 9)
+    real(wp) :: columns(size(motion, 1), 9), friction
     integer :: i
 
+    friction = max(law%friction_coefficient, least_friction)
     self%harmonics = (size(motion, 1) - 1)/2
-    self%slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
+    self%slope = friction*law%normal_stiffness/law%tangential_stiffness
     columns(:, 1:2) = motion(:, 1:2)
-    columns(:, 3) = law%friction_coefficient/law%tangential_stiffness*law%normal_series(motion(:, 3))
+    columns(:, 3) = friction/law%tangential_stiffness*law%normal_series(motion(:, 3))
     do i = 1, 6
       call differentiate(columns(:, i), columns(:, i + 3))
     end do

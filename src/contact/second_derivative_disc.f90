@@ -183,7 +183,7 @@ contains
       do a = 1, 2
         product((a - 1)*k + 1:a*k, n) = law%tangential_stiffness*coefficients(march%stretch(:, a)%tx)
       end do
-      product(2*k + 1:, n) = law%tangential_stiffness/law%friction_coefficient*coefficients(march%pressed)
+      product(2*k + 1:, n) = law%normal_stiffness/motion%slope*coefficients(march%pressed)
     end do
   end subroutine vary
 

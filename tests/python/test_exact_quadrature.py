@@ -29,6 +29,21 @@ def test_samples_come_to_the_exact_response_with_the_square_of_their_number(tmp_
         assert samples > 256 or sampled != pytest.approx(exact, rel=1e-7)
 
 
+def test_a_contact_without_friction_opens_along_two_tangents_as_along_one(tmp_path):
+    # The damping of modes would feel the springs of the second tangent.
+    job = chain(3, 2) | {"damping": {"rayleigh": [12.0, 0.0]}, "sweep": {"frequencies_hz": [100.0, 110.0]}}
+    for contact in job["contact"]:
+        contact["friction_coefficient"] = 0.0
+    # Normal to the walls.
+    job["load"][-1] |= {"cosine": [[7, 60.0], [0, 20.0]], "sine": [[1, 10.0]]}
+    along_two = amplitudes(tmp_path / "two", job)
+    rows = table(tmp_path / "two", "--contacts")
+    assert any(0.0 < float(row["open"]) < 1.0 for row in rows), "nothing opens: the test is void"
+    for contact in job["contact"]:
+        del contact["tangents"][1]
+    assert amplitudes(tmp_path / "one", job) == pytest.approx(along_two, rel=1e-8)
+
+
 @pytest.mark.parametrize("number", [15, 27, 44, 51])
 def test_peaks_are_found_by_newtons_method(number):
     scene = peaks_scenes.make(1, number)
