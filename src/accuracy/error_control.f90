@@ -437,6 +437,8 @@ contains
   pure logical function may_suffice(self)
     type(error_control_type), intent(in) :: self
 
+    may_suffice = .false.
+    if (.not. self%errors%are_known()) return
     associate (share => harmonics_share*self%series%tolerance)
       may_suffice = self%series%choose_harmonics .and. .not. self%estimator%is_stiff .and. self%estimator%missing <= share .and. &
                     .not. (self%estimator%is_sure .and. self%errors%harmonics <= share)

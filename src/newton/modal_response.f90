@@ -13,7 +13,7 @@ module attrito_newton_modal_response
   private
   public :: rest_type, modal_response_type, new_modal_response
 
-  !> Part of its stiffness that inertia may take from a mode which counts as at rest: what is left out only preconditions
+  !> Parts of its stiffness that inertia and damping may have of a mode which counts as at rest: what is left out only preconditions
   real(wp), parameter :: negligible = 0.01_wp ! guess
 
   !> S between the rows of B of all ranks and those of this one [all, mine], if it is used, and the modes below, l
@@ -22,6 +22,8 @@ module attrito_newton_modal_response
     real(sp), allocatable :: flexibility(:, :)
     !> The receptance, and the balance's count of changes, that it was made for
     integer, private :: made_for(2) = -1
+    !> Operations of the sums last asked for, of this rank
+    real(wp) :: flops = 0.0_wp
   contains
     procedure :: prepare
   end type rest_type
@@ -48,12 +50,13 @@ contains
     real(wp) :: rows
     integer :: low, modes, row
 
+    self%flops = 0.0_wp
     modes = receptance%common_modes()
     call receptance%uncoupled_modes(stiffness, mass, damping)
     rows = real(balance%rows(), wp)
     call balance%ranks%sum(rows)
     ! At the next power of two, so that sums serve the points that follow, and are what they are alone.
-    low = moving(stiffness, mass, scale(1.0_wp, exponent(receptance%harmonics*receptance%omega)))
+    low = moving(stiffness, mass, damping, scale(1.0_wp, exponent(receptance%harmonics*receptance%omega)))
     if (size(stiffness) < modes .or. 2*low + rows >= 2*modes) then
       self%low = modes
       if (allocated(self%flexibility)) deallocate (self%flexibility)
@@ -65,16 +68,17 @@ contains
     shapes = receptance%mode_shapes(low + 1, modes, [(row, row=1, nint(rows))])
     mine = shapes(:, balance%first_row:balance%first_row + balance%rows() - 1)/spread(stiffness(low + 1:), 2, balance%rows())
     self%flexibility = real(matmul(transpose(shapes), mine), sp)
+    self%flops = 2.0_wp*size(shapes)*size(mine, 2)
   end subroutine prepare
 
   !> The last mode that is not at rest at a frequency.
-  pure integer function moving(stiffness, mass, frequency)
+  pure integer function moving(stiffness, mass, damping, frequency)
     !> Of each mode [n]
-    real(wp), intent(in) :: stiffness(:), mass(:)
+    real(wp), intent(in) :: stiffness(:), mass(:), damping(:)
     !> h omega
     real(wp), intent(in) :: frequency
 
-    moving = findloc(frequency**2*mass > negligible*stiffness, .true., dim=1, back=.true.)
+    moving = findloc(frequency*max(frequency*mass, abs(damping)) > negligible*stiffness, .true., dim=1, back=.true.)
   end function moving
 
   !> Of the low modes of a receptance that is set to a frequency.

@@ -45,7 +45,10 @@ contains
     status = 0
     call self%mean%serve(balance, stiffening, are_new, are_latest)
     balance%work = balance%work + self%mean%flops/balance%ranks%ranks
-    if (allocated(self%mean%receptance)) call self%rest%prepare(self%mean%receptance, self%mean%made, balance)
+    if (allocated(self%mean%receptance)) then
+      call self%rest%prepare(self%mean%receptance, self%mean%made, balance)
+      balance%work = balance%work + self%rest%flops
+    end if
     self%is_fresh = are_new .or. .not. self%blocks%serve(balance, stiffening)
     if (self%is_fresh) then
       call self%of_mean%make(balance, stiffening)
