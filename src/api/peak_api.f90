@@ -5,6 +5,7 @@ module attrito_api_peak
   use attrito_core_trigonometric, only: resized
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_accuracy_point_errors, only: point_errors_type
+  use attrito_newton_border, only: constraint_type
   use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
   use attrito_solve_strategy_outcome, only: evidence_type
@@ -164,11 +165,15 @@ contains
     ended = session%solver%report
     ended%converged = session%peak%found
     ended%iterations = session%peak%iterations
+    ! At the peak's frequency, whatever was held when it was found.
+    session%solver%context%constraint = constraint_type(0.0_wp*session%solver%motion)
     call session%accuracy%estimate(session%solver, ended%converged, finer)
     call report_point(session%solver, ended, branch, session%accuracy%errors, session%accuracy%series%tolerance, session%point)
-    if (ended%converged) call judge(session, errors)
-    peak%point = point_of(session%point)
+    ! Evaluations are those that peaks take, not their errors.
     peak%evaluations = session%solver%context%balance%evaluations
+    if (ended%converged) call judge(session, errors)
+    session%solver%context%balance%evaluations = peak%evaluations
+    peak%point = point_of(session%point)
     peak%ending = session%peak%ending
     if (.not. session%peak%found .and. peak%ending == ending_none) peak%ending = ending_not_found
     peak%at_corner = merge(1, 0, session%peak%found .and. session%peak%at_corner)

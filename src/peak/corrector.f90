@@ -71,6 +71,7 @@ contains
     solver%report = newton_report_type(converged=.true., iterations=iterations, residual=point%residual)
     call solver%accept(solver%motion, solver%omega, slider)
     ! What took several marches takes one from here on, as an unknown.
+    if (solver%options%reset_slider) return
     if (found_moving(solver%context%balance, solver%context%tolerance*solver%context%motion_scale)) call solver%context%forget()
   end subroutine correct
 

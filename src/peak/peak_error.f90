@@ -51,7 +51,7 @@ module attrito_peak_peak_error
 
 contains
 
-  !> Of the peak at which the solver is; it stays there. None where every contact sticks: that is linear.
+  !> Of the peak at which the solver is; it stays there. If every contact sticks it is linear, and errs as the point does.
   subroutine estimate_peak_errors(estimator, solver, problem, at_corner, point_errors, errors)
     !> Finer balances, from one peak to the next
     type(error_estimate_type), intent(inout) :: estimator
@@ -70,6 +70,7 @@ contains
     real(wp) :: missing
     logical :: known(-1:1)
 
+    errors%amplitude = point_errors%all()
     if (solver%all_stick) return
     call kept%take(solver, point_errors)
     call look_along(estimator, solver, problem, arcs, missing, known)

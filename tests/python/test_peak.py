@@ -381,8 +381,8 @@ def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken(way):
 
 
 def test_a_curve_that_comes_to_a_lower_maximum_of_a_resonance_goes_on_from_the_highest():
-    # A wedge with two tangents, opening more and more: at the last level another maximum has become 3 % higher.
-    options = Options(harmonics=5, samples=128, by_events=True)
+    # A wedge with two tangents by samples, opening more and more: at the last level another maximum is 3 % higher.
+    options = Options(harmonics=5, samples=128)
     done = peaks.run(peaks.Task(1, 13, "level_up", check=True, limit=jobs.TIMEOUT, options=options))
     assert done.arrived and done.values[-1].moved
     assert [value.kind for value in done.values] == ["equal"] * 3
