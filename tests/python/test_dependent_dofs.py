@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import numpy as np
 import pytest
 
 from attrito.importers import import_model
+from attrito.importers.deck_mesh import read_deck_mesh
 from attrito.model.model_file import read_model
 from attrito.scene.deck_loads import deck_force
 from attrito.support.errors import InputError
@@ -94,3 +96,13 @@ def test_what_is_given_and_what_goes_into_supports_is_said(tmp_path):
         assert said in words and words.endswith("supports" if more else "x, y, z")
         applied = [force[model.dof_direction == direction].sum() for direction in (1, 2, 3)]
         assert applied == pytest.approx([2.0, 0.0, -4.0])
+
+
+def test_supports_by_name_hold_what_they_do_by_numbers(tmp_path):
+    def held(support):
+        deck = tmp_path / "deck.inp"
+        deck.write_text(re.sub(r"(?<=\*BOUNDARY\n)[^*]*", f"{PAD[0]}, {support}\n", STRIP))
+        return read_deck_mesh(deck).held.tolist()
+
+    assert held("ENCASTRE") == held("1, 6") and held("pinned") == held("1, 3") == held("PINNED")
+    assert [direction for _, direction in held("YSYMM")] == [2, 4, 6]

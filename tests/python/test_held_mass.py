@@ -51,6 +51,17 @@ def test_a_lumped_mass_shares_nothing():
     assert BesideSupports(model).unknown_share == 0.0
 
 
+def test_two_densities_that_nothing_tells_apart_are_not_known():
+    model = brick(held=lambda points: points[:, 0] < 1e-9)
+    height = dict(zip(model.node_ids, model.coordinates[:, 2], strict=True))
+    heavy = np.array([height[node] for node in model.dof_node]) > 0.02
+    scale = diags(np.where(heavy, np.sqrt(30.0), 1.0))
+    model.mass = (scale @ model.mass @ scale).tocsr()
+    assert BesideSupports(model).unknown_share > 0.01
+    upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
+    assert inertia_of(model, upward) == pytest.approx(model.mass @ model.on_dofs(upward), rel=1e-12)
+
+
 @pytest.mark.parametrize("bricks", [2, 5])
 def test_a_mass_that_the_mesh_does_not_tell_is_left_out_and_its_share_said(bricks):
     """Of bricks with one face held F = x, and the integral of x (1 - x) is a sixth."""

@@ -23,6 +23,17 @@ from attrito.support.errors import Fault, InputError
 if TYPE_CHECKING:
     import meshio
 
+# Directions that supports hold by name
+_SUPPORTS = {
+    "ENCASTRE": (1, 2, 3, 4, 5, 6),
+    "PINNED": (1, 2, 3),
+    "XSYMM": (1, 5, 6),
+    "YSYMM": (2, 4, 6),
+    "ZSYMM": (3, 4, 5),
+    "XASYMM": (2, 3, 4),
+    "YASYMM": (1, 3, 5),
+    "ZASYMM": (1, 2, 6),
+}
 # What makes nodes, elements and sets, or moves them, in ways that are not read
 _NOT_READ = {
     "SYSTEM": "coordinates along the global axes",
@@ -122,17 +133,15 @@ def _named(blocks: list[Block], keyword: str, parameter: str) -> np.ndarray:
 
 
 def _held(blocks: list[Block], node_sets: dict[str, np.ndarray]) -> np.ndarray:
-    """Nodes and directions `[k, 2]` of `*BOUNDARY`: lines `node or set, first direction, last direction`."""
+    """Nodes and directions `[k, 2]` of `*BOUNDARY`: lines `node or set, first direction, last direction` or a name."""
     sets = {name.upper(): ids for name, ids in node_sets.items()}
     held = [np.empty((0, 2), np.int64)]
     for block in blocks:
         for words in map(fields, block.data if block.keyword == "BOUNDARY" else ()):
-            directions = [int(word) for word in words[1:3] if word.isdecimal()]
+            given = [int(word) for word in words[1:3] if word.isdecimal()]
+            directions = range(given[0], given[-1] + 1) if given else _SUPPORTS.get(words[-1].upper(), ())
             nodes = sets.get(words[0].upper(), [int(words[0])] if words[0].isdecimal() else [])
-            if directions:
-                held += [
-                    np.column_stack([nodes, np.full(len(nodes), k)]) for k in range(directions[0], directions[-1] + 1)
-                ]
+            held += [np.column_stack([nodes, np.full(len(nodes), k)]) for k in directions]
     return np.unique(np.concatenate(held), axis=0)
 
 

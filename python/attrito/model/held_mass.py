@@ -20,7 +20,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, diags
+from scipy.sparse import coo_matrix, csr_matrix, diags, triu
 
 from attrito.model.solid_shapes import KINDS, mass_shapes
 
@@ -102,8 +102,8 @@ class BesideSupports:
             missed += float(np.abs(self._missed(load, known, d, values)).sum())
         if missed > MISSED * np.abs(load).sum():
             raise UnknownMassError(
-                f"forces in a file: {missed / np.abs(load).sum():.1e} of these depend on how nodes that *RIGID BODY,"
-                " *EQUATION, *TIE or the like move follow the acceleration, which the matrices do not tell"
+                f"forces in a file: the matrices do not tell {missed / np.abs(load).sum():.1e} of these, by how nodes"
+                " that *RIGID BODY, *EQUATION, *TIE or the like move follow the acceleration"
             )
         return load
 
@@ -165,10 +165,12 @@ class BesideSupports:
                 continue
             # Nodes that others depend on have more.
             density = float(np.median(diagonal))
+            # Point masses are on the diagonal.
             differs = np.concatenate(
-                [np.abs(np.asarray((own - density * mesh)[mesh.nonzero()])).ravel() for own, mesh in pairs]
+                [np.abs(np.asarray((own - density * mesh)[triu(mesh, 1).nonzero()])).ravel() for own, mesh in pairs]
             )
-            worst = float(np.median(differs)) / density if density > 0.0 else np.inf
+            most = float(np.median(differs)) if self.depends.any() and len(differs) else differs.max(initial=0.0)
+            worst = most / density if density > 0.0 else np.inf
             if worst <= SAME_MASS and worst < best:
                 best, block.mass = worst, density * masses
 
@@ -222,7 +224,7 @@ class BesideSupports:
         own = np.unique(np.concatenate([self.dof[block.rows].ravel() for block in self.blocks] or [np.empty(0, int)]))
         own = own[own >= 0]
         entries = abs(self._model.mass[own])
-        return bool(entries.sum() <= (1.0 + 1e-12) * entries[np.arange(len(own)), own].sum())
+        return bool(entries.sum() <= (1.0 + SAME_MASS) * entries[np.arange(len(own)), own].sum())
 
     @property
     def _has_others_beside_supports(self) -> bool:
