@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import importlib
+import lzma
 import resource
+import zlib
 from types import SimpleNamespace
 
 import meshio
@@ -209,3 +211,12 @@ def test_what_meshio_hands_on_is_looked_over(spoil, tmp_path, monkeypatch):
     monkeypatch.setattr(meshio.med, "read", lambda path: mesh)
     with pytest.raises(InputError, match="mesh.med: "):
         read_mesh(tmp_path / "mesh.med")
+
+
+def test_a_packed_block_that_ends_too_early_is_a_fault(tmp_path):
+    packed = zlib.compress(bytes(1000))
+    module = SimpleNamespace(zlib=zlib, lzma=lzma)
+    with unpacked.bounded(module, "mesh.vtu", "file"):
+        assert module.zlib.decompress(packed) == bytes(1000)
+        with pytest.raises(ValueError, match="ends too early"):
+            module.zlib.decompress(packed[:-2])

@@ -123,6 +123,21 @@ def test_a_run_begun_with_a_key_that_has_lost_its_effect_goes_on(cut, tmp_path):
     assert "going on after 1 points" in done.stdout and len(table(tmp_path)) > 1, done.stderr
 
 
+def test_a_journal_that_others_would_not_go_on_from_bit_for_bit_is_refused(cut, tmp_path, capfd):
+    path = copy_of(cut, tmp_path)
+    records = [record for record, _ in read_journal(str(path))]
+    assert records[0].note.pop("journal") > 1
+    journal = Journal(str(path))
+    for record in records:
+        journal.append(record)
+    journal.close()
+    before = path.read_bytes()
+    done = attrito_here(tmp_path, capfd, "run", "--resume", "job.toml")
+    assert done.returncode == 2
+    assert "job.toml: version of the journal = " in done.stderr
+    assert path.read_bytes() == before
+
+
 def test_a_journal_cut_anywhere_keeps_every_whole_point(tmp_path):
     # Every length that a kill could leave, of a journal of three records.
     path = str(tmp_path / "journal")

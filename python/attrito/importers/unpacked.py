@@ -49,6 +49,8 @@ def bounded(module: ModuleType, path: str, key: str) -> Iterator[None]:
         left -= len(made)
         if left < 0:
             _check(path, key, iter([most_bytes() - left]))
+        if not machine.eof:
+            raise ValueError("a packed block ends too early")
         return made
 
     module.zlib = SimpleNamespace(decompress=lambda data: decompress(zlib.decompressobj(), data))  # type: ignore[attr-defined]

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
 # Raised when the steps leave their results in another form.
-STEPS_VERSION = 3
+STEPS_VERSION = 4
 TOLERANCE = 1e-12
 BLOCK_VECTORS = 16
 Listener = Callable[[str, int, int], None]

@@ -24,6 +24,8 @@ REFERENCES = (
     "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032; Craig & Bampton 1968, doi:10.2514/3.4741; "
     "Cameron & Griffin 1989, doi:10.1115/1.3176036; PETSc, SLEPc, MUMPS, FFTW, HDF5"
 )
+# Another one whenever a journal can't be gone on from bit for bit
+JOURNAL = 2
 UNITS = {
     "tangential_stiffness": "user force/length",
     "normal_stiffness": "user force/length",
@@ -68,7 +70,16 @@ def first_record(
         "coordinates_fingerprint": coordinates_fingerprint(reduced),
         **attributes_of_sector(reduced.sector),
     }
-    record = Record({"attributes": attributes, "ranks": ranks, "digest": digest(reduced, scene.load_path)}, {}, {})
+    record = Record(
+        {
+            "attributes": attributes,
+            "ranks": ranks,
+            "journal": JOURNAL,
+            "digest": digest(reduced, scene.load_path),
+        },
+        {},
+        {},
+    )
     record.note["texts"] = _add_contacts(record, scene)
     for kind, one in linear.items():
         _add_linear(record, kind, one, reduced.monitor_names)

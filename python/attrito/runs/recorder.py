@@ -248,7 +248,13 @@ def _check(job_file: str, path: str, now: dict, before: dict) -> None:
         Fault(job_file, key, value, f"{then}, as {path} began with{anew}")
         for key, value, then in _differences(own, earlier)
     ]
-    for name, what in (("ranks", "ranks"), ("attrito_version", "version of attrito"), ("digest", "model and loads")):
+    names = {
+        "ranks": "ranks",
+        "attrito_version": "version of attrito",
+        "journal": "version of the journal",
+        "digest": "model and loads",
+    }
+    for name, what in names.items():
         old = before.get(name, before["attributes"].get(name))
         new = now.get(name, now["attributes"].get(name))
         if old != new and not (name == "digest" and faults):

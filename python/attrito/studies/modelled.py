@@ -122,7 +122,10 @@ class Nodes:
         first = at_nodes[0]
         errors = [name for name in first[0] if name.endswith("_error")]
         names = [name for name, value in first[0].items() if isinstance(value, float) and name not in errors]
-        worst = [{name: max(row[stop][name] for row in at_nodes) for name in errors} for stop in range(len(first))]
+        worst = [
+            {name: float(np.max([row[stop][name] for row in at_nodes])) for name in errors}
+            for stop in range(len(first))
+        ]
         numbers = {name: self._model(at_nodes, name, places) for name in names}
         # What is wrong with one node may be so with all that go through it.
         outcomes = [
