@@ -36,6 +36,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options
 from attrito.scene.build import build_scene
 from attrito.scene.reduced_model import make_rom, reduced_scene
+from attrito.scene.solver_options import solver_options
 from attrito_verification.scene_grid.scenes import BAND, families
 
 GROUPS = ("corner", "plane", "block", "joint")
@@ -101,7 +102,7 @@ def joint(arguments: argparse.Namespace) -> Iterator[Case]:
     rom, _ = make_rom(MPI.COMM_SELF, job, scene, common.progress)
     reduced = reduced_scene(job, scene, rom)
     first = scenes.stuck_system(reduced).frequencies_hz[0]
-    options = Options(harmonics=job["balance"]["harmonics"], samples=job["balance"]["samples"])
+    options = solver_options(job, rom)
     for part in (0.5, 1.0, 2.0):
         frequencies = np.linspace(0.88, 1.0, arguments.joint_frequencies) * first
         level = part * job["sweep"]["levels"][0]

@@ -75,7 +75,7 @@ def main() -> None:
     reduced, options = reduced_scene(job, scene, rom), solver_options(job, rom)
     rows = []
     for samples in arguments.samples:
-        with Solver(MPI.COMM_SELF, reduced, replace(options, samples=samples)) as solver:
+        with Solver(MPI.COMM_SELF, reduced, replace(options, samples=samples, by_events=False)) as solver:
             solver.follow_static_path(scene.load_path, job["static"]["steps"], arguments.hz)
             (point,) = solver.solve_at([arguments.hz], float(job["sweep"]["levels"][0]), 0)
             heard: dict[str, np.ndarray] = {}
