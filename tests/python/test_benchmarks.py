@@ -60,7 +60,7 @@ def test_below_the_least_threshold_every_contact_sticks_and_far_above_none_does(
     for row in found["scenes"]:
         tangents = (2 if row["scene"] == "hexahedral" else 1) * row["contacts"] * (2 * row["harmonics"] + 1)
         assert row["active_rows"] == 0 if row["share"] == 0.0 else row["active_rows"] >= row["share"] * tangents
-    assert {row["kernel"] for row in found["contacts"]} == {"event_line", "sampled_line", "sampled_disc"}
+    assert {row["kernel"] for row in found["contacts"]} == {"event_line", "event_disc", "sampled_line", "sampled_disc"}
 
 
 def test_a_strategy_that_is_left_out_is_missed_where_it_alone_solves_a_point():

@@ -70,8 +70,6 @@ def contact_table(result: Result) -> str:
     for name in real:
         columns[name] = numbers(result.array(f"/contacts/{name}").ravel()) if nc else []
     columns["unique"] = _booleans(result.array("/contacts/unique").ravel()) if nc else []
-    if result.has(ENERGY_ERROR):
-        columns["dissipated_energy_error"] = numbers(result.array(ENERGY_ERROR).ravel())
     return _csv(columns | _level_column(result, point))
 
 
