@@ -95,7 +95,7 @@ def point_of(scene: campaign_scenes.Scene, solved: Solved, harmonics: int) -> tu
 def judged(
     found: dict[str, float], near: dict[str, float], truth: dict[str, float], estimates: dict[str, float]
 ) -> dict:
-    """Errors of some quantities beside their estimates; `near`: those of the shorter long series."""
+    """Errors of some quantities and their estimates; `near`: those of the shorter long series."""
     row: dict = {}
     if abs(found["amplitude"] / truth["amplitude"] - 1.0) > OTHER:
         return {"outcome": "another motion"}

@@ -18,7 +18,7 @@ module attrito_contact_evaluation
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
-  public :: quadrature_type, evaluate_contact, goes_by_events, may_need_samples, has_second_derivative, sample_forces
+  public :: quadrature_type, evaluate_contact, goes_by_events, may_need_samples, sample_forces
 
   !> What evaluations of all contacts share
   type :: quadrature_type
@@ -53,16 +53,6 @@ contains
 
     may_need_samples = law%tangents == 2 .or. .not. goes_by_events(law, quadrature)
   end function may_need_samples
-
-  !> Is the second derivative of its forces known (`attrito_contact_second_derivative`)?
-  elemental logical function has_second_derivative(law, quadrature)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> What evaluations of all contacts share
-    type(quadrature_type), intent(in) :: quadrature
-
-    has_second_derivative = goes_by_events(law, quadrature)
-  end function has_second_derivative
 
   !> Forces and Jacobian of one contact.
   subroutine evaluate_contact(law, quadrature, motion, slider, periodic, forces)

@@ -430,7 +430,7 @@ contains
     end do
   end subroutine add_end
 
-  !> Where the contact is open nothing is pressed: f = r vanishes at both ends, and r_t = -r' theta_t there.
+  !> While the contact is open nothing is pressed: f = r vanishes at both ends, and r_t = -r' theta_t there.
   subroutine add_open(varied, from, to, march)
     !> Motion of the contact
     type(varied_motion_type), intent(in) :: varied

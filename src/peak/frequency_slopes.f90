@@ -14,7 +14,7 @@ module attrito_peak_frequency_slopes
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_contact_evaluation, only: has_second_derivative
+  use attrito_contact_evaluation, only: goes_by_events
   use attrito_newton_linearised_step, only: follow_sliders
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of, half_range
@@ -100,7 +100,7 @@ contains
     sampled = 0.0_wp
     do i = 1, size(balance%law)
       if (.not. allocated(balance%forces(i)%jacobian)) cycle
-      if (.not. has_second_derivative(balance%law(i), balance%quadrature)) sampled = 1.0_wp
+      if (.not. goes_by_events(balance%law(i), balance%quadrature)) sampled = 1.0_wp
     end do
     has = .not. balance%ranks%largest(sampled) > 0.0_wp
   end function has_second_derivatives

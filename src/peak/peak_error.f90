@@ -1,8 +1,8 @@
 !> The errors of a peak by its series and samples: of its amplitude, and of its frequency.
 !>
-!> A finer balance moves the response beside the peak as well as at it, so that its own peak is elsewhere along the response. At the
-!> peak and at points of the response a length h to either side of it the finer balance is asked, in planes across the response, for
-!> log A and omega. Through the three values goes a parabola, whose vertex
+!> A finer balance moves the response on either side of the peak as well as at it, so that its own peak is elsewhere along the
+!> response. At the peak and at points of the response a length h to either side of it the finer balance is asked, in planes across
+!> the response, for log A and omega. Through the three values goes a parabola, whose vertex
 !>
 !> $$ s_* = -a'/a'', \qquad a_* = a_0 - a'^2/(2 a''), \qquad a = \log A, $$
 !>
@@ -158,7 +158,7 @@ contains
     type(arc_type), intent(in) :: own, finer
     !> Which amplitude
     integer, intent(in) :: measure
-    !> Is it a corner? Are the points beside the peak known?
+    !> Is it a corner? Are the points on either side of the peak known?
     logical, intent(in) :: at_corner, is_whole
     real(wp) :: weights(-1:1), place, shift, height, sweep
     real(wp), allocatable :: before(:, :), after(:, :)

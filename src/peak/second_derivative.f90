@@ -6,7 +6,7 @@ module attrito_peak_second_derivative
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_contact_evaluation, only: evaluate_contact, has_second_derivative
+  use attrito_contact_evaluation, only: evaluate_contact, goes_by_events
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_second_derivative, only: differentiate_element_twice
   use attrito_contact_second_derivative_disc, only: start_slider_type
@@ -41,7 +41,7 @@ contains
         last = first + law%tangents
         columns = reshape([(directions(n)%motion(:, first:last), n=1, size(directions))], [k*(law%tangents + 1), size(directions)])
         allocate (product, mold=columns)
-        done = has_second_derivative(law, balance%quadrature)
+        done = goes_by_events(law, balance%quadrature)
         if (done) call sum_elements(balance, motion(:, first:last), i, along, directions, columns, product, done)
         if (.not. done) product = difference(balance, motion, i, along, columns)
         do n = 1, size(directions)

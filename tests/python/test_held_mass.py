@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 
 from attrito.importers import import_model
 from attrito.model.accelerations import rigid_translation
-from attrito.model.held_mass import BesideSupports, UnknownMassError, inertia_of
+from attrito.model.held_mass import SharedMass, UnknownMassError, inertia_of
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.model.rotation import Spin, centrifugal_load
@@ -40,7 +40,7 @@ def test_loads_by_mass_are_those_of_the_whole_body(shape):
         assert inertia_of(model, acceleration) == pytest.approx(expected, rel=1e-9, abs=1e-12 * np.abs(expected).max())
         lacking = model.mass @ model.on_dofs(acceleration)
         assert np.abs(lacking - expected).max() > 0.01 * np.abs(expected).max(), "the test is void"
-    assert BesideSupports(model).unknown_share == 0.0
+    assert SharedMass(model).unknown_share == 0.0
 
 
 def test_a_lumped_mass_shares_nothing():
@@ -48,7 +48,7 @@ def test_a_lumped_mass_shares_nothing():
     model.mass = diags(np.asarray(model.mass.sum(axis=1)).ravel()).tocsr()
     upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
     assert np.array_equal(inertia_of(model, upward), model.mass @ rigid_translation(model, (0.0, 0.0, 1.0)))
-    assert BesideSupports(model).unknown_share == 0.0
+    assert SharedMass(model).unknown_share == 0.0
 
 
 def test_two_densities_that_nothing_tells_apart_are_not_known():
@@ -57,7 +57,7 @@ def test_two_densities_that_nothing_tells_apart_are_not_known():
     heavy = np.array([height[node] for node in model.dof_node]) > 0.02
     scale = diags(np.where(heavy, np.sqrt(30.0), 1.0))
     model.mass = (scale @ model.mass @ scale).tocsr()
-    assert BesideSupports(model).unknown_share > 0.01
+    assert SharedMass(model).unknown_share > 0.01
     upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
     assert inertia_of(model, upward) == pytest.approx(model.mass @ model.on_dofs(upward), rel=1e-12)
 
@@ -81,7 +81,7 @@ def test_a_mass_that_the_mesh_does_not_tell_is_left_out_and_its_share_said(brick
         coordinates=np.array(grid, float),
         elements={"C3D8": (np.arange(1, bricks + 1), rows)},
     )
-    assert BesideSupports(model).unknown_share == pytest.approx(1.0 / 6.0 / bricks, rel=1e-12)
+    assert SharedMass(model).unknown_share == pytest.approx(1.0 / 6.0 / bricks, rel=1e-12)
     upward = np.tile([0.0, 0.0, 1.0], (len(grid), 1))
     assert inertia_of(model, upward) == pytest.approx(model.mass @ model.on_dofs(upward), rel=1e-12)
 

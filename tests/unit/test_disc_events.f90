@@ -11,15 +11,9 @@ program test_disc_events
   use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use attrito_contact_trigonometric_roots, only: new_grid
-  use scenes, only: noise
+  use random_discs, only: law, many, tight, motion_of, forces_of
   use testing, only: test, run_suite, check, check_close
   implicit none
-
-  type(contact_type), parameter :: law = contact_type(tangents=2, tangential_stiffness=3.0_wp, normal_stiffness=5.0_wp, &
-                                                      friction_coefficient=0.4_wp)
-  !> Nodes and error of panels that the usual ones are held against
-  integer, parameter :: many = 16
-  real(wp), parameter :: tight = 1.0e-13_wp
 
   if (run_suite('disc events', [ &
                 test('samples converge to the events, in contact and through landing', samples_converge), &
@@ -38,35 +32,6 @@ program test_disc_events
                 test('a contact stuck, open or just touching has what its springs leave', states)], quiet=.false.) > 0) error stop 1
 
 contains
-
-  !> Motion [2 H + 1, 3] with harmonics that fade; the mean of mu N/k_t is 0.2, `swing` scales N's, `reach` the tangents'.
-  function motion_of(harmonics, seed, reach, swing) result(motion)
-    integer, intent(in) :: harmonics, seed
-    real(wp), intent(in) :: reach, swing
-    real(wp) :: motion(2*harmonics + 1, 3)
-    integer :: h
-
-    motion = 1.7_wp*reshape(noise(size(motion), seed), shape(motion))
-    do h = 1, harmonics
-      motion(2*h:2*h + 1, :) = motion(2*h:2*h + 1, :)*0.6_wp**h
-    end do
-    motion(2:3, :2) = 3.0_wp*motion(2:3, :2)
-    motion(:, :2) = 0.1_wp*reach*motion(:, :2)
-    motion(:, 3) = 0.3_wp*swing*motion(:, 3)
-    motion(1, 3) = 0.3_wp
-  end function motion_of
-
-  function forces_of(rules, motion, slider, periodic) result(forces)
-    type(disc_rules_type), intent(in) :: rules
-    real(wp), intent(in) :: motion(:, :), slider(2)
-    logical, intent(in) :: periodic
-    type(contact_forces_type) :: forces
-    logical :: done
-
-    allocate (forces%deviation(size(motion, 1), 3))
-    call evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces, done)
-    if (.not. done) error stop 'no panel is short enough'
-  end function forces_of
 
   !> Deviation by so many samples, the start slider being one that returns.
   function sampled_deviation(motion, samples) result(deviation)

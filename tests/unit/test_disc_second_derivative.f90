@@ -2,21 +2,14 @@
 program test_disc_second_derivative
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_model_contacts, only: contact_type
   use attrito_contact_disc_motion, only: disc_rules_type, new_disc_rules
   use attrito_contact_forces, only: contact_forces_type, released
-  use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use attrito_contact_second_derivative_disc, only: differentiate_twice_by_disc_events, start_slider_type
   use attrito_contact_state, only: state_shaken_down, state_slipping
-  use scenes, only: noise
+  use random_discs, only: law, many, tight, motion_of, forces_of
   use testing, only: test, run_suite, check, check_close
   implicit none
 
-  type(contact_type), parameter :: law = contact_type(tangents=2, tangential_stiffness=3.0_wp, normal_stiffness=5.0_wp, &
-                                                      friction_coefficient=0.4_wp)
-  !> Nodes and error of panels, so fine that differences of their Jacobian can be taken
-  integer, parameter :: many = 16
-  real(wp), parameter :: tight = 1.0e-13_wp
   !> Of differences: where slip comes and goes events are near each other; places where sliders rest are known to 1e-9
   real(wp), parameter :: short = 2.0e-5_wp, long = 2.0e-4_wp
 
@@ -30,23 +23,6 @@ program test_disc_second_derivative
 
 contains
 
-  !> Motion [2 H + 1, 3] with harmonics that fade; the mean of mu N/k_t is 0.2, `swing` scales N's, `reach` the tangents'.
-  function motion_of(harmonics, seed, reach, swing) result(motion)
-    integer, intent(in) :: harmonics, seed
-    real(wp), intent(in) :: reach, swing
-    real(wp) :: motion(2*harmonics + 1, 3)
-    integer :: h
-
-    motion = 1.7_wp*reshape(noise(size(motion), seed), shape(motion))
-    do h = 1, harmonics
-      motion(2*h:2*h + 1, :) = motion(2*h:2*h + 1, :)*0.6_wp**h
-    end do
-    motion(2:3, :2) = 3.0_wp*motion(2:3, :2)
-    motion(:, :2) = 0.1_wp*reach*motion(:, :2)
-    motion(:, 3) = 0.3_wp*swing*motion(:, 3)
-    motion(1, 3) = 0.3_wp
-  end function motion_of
-
   !> The motion of a seed, with more or less slip, some that opens.
   function scene_of(seed) result(motion)
     integer, intent(in) :: seed
@@ -54,18 +30,6 @@ contains
 
     motion = motion_of(1 + modulo(seed, 9), seed, 0.4_wp + 0.1_wp*modulo(seed, 20), 0.1_wp + 0.1_wp*modulo(seed, 10))
   end function scene_of
-
-  function forces_of(rules, motion, slider, periodic) result(forces)
-    type(disc_rules_type), intent(in) :: rules
-    real(wp), intent(in) :: motion(:, :), slider(2)
-    logical, intent(in) :: periodic
-    type(contact_forces_type) :: forces
-    logical :: done
-
-    allocate (forces%deviation(size(motion, 1), 3))
-    call evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces, done)
-    if (.not. done) error stop 'no panel is short enough'
-  end function forces_of
 
   !> D'[t] x, its slider found here.
   function twice(rules, motion, slider, along, x) result(product)

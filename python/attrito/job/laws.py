@@ -29,7 +29,7 @@ class Rules:
     own : keys that only contacts of this law have, by table name or for both ("")
     needs : of these what is expected where one is missing; others may be
     numbers : what the library makes the law of, in the order of its constructor there, from the keys and a pair's area
-    has_events : whether one tangent goes by events, not by samples
+    has_events : whether it goes by events, not by samples
     by_pressure : whether the friction coefficient is a table by pressure
     one_element : whether a contact has one slider, as integration in time needs, or several in parallel
     two_tangents : whether contacts may have two tangents

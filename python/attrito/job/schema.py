@@ -253,7 +253,7 @@ TABLES: dict[str, dict[str, Key]] = {
             integer(8, 2**20),
             None,
             'a period, of contacts with `law = "pressure"`; the error falls like samples^-2 ([method.md](method.md)).'
-            " With a tolerance, which chooses them, the fewest. Absent: 128, or 6 H + 2 where that is more. Where no"
+            " With a tolerance, which chooses them, the fewest. Absent: 128, or 6 H + 2 where that is more. If no"
             " contact has that law it has no effect",
         ),
         "contacts": Key(

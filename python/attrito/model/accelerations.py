@@ -6,7 +6,7 @@ supports, and what contacts touch of the ground, move with it:
 
     M q'' + C q' + K q = -M r x'',        and with weight, of the acceleration g along r, = M r g.
 
-Held dofs have no row: what a node beside a support shares with it comes from the mesh (`held_mass`).
+Held dofs have no row: what a node next to a support shares with it comes from the mesh (`held_mass`).
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ functions, and the matrices tell the density, by which alone entries of both dif
 elastic constants, and by that of two rules of integration with which they agree best.
 
 Nodes that depend on others are in the matrices of these. They move as the others say, which need not be as the
-accelerations do: those of rotation are no rigid motion. Rows beside such nodes are held against the mesh: what they
+accelerations do: those of rotation are no rigid motion. Rows next to such nodes are held against the mesh: what they
 differ by is about what the load lacks on others.
 """
 
@@ -66,10 +66,10 @@ def inertia_of(model: Model, acceleration: np.ndarray) -> np.ndarray:
     ------
     UnknownMassError : nodes that depend on others do not follow the acceleration
     """
-    return BesideSupports(model).inertia(acceleration)
+    return SharedMass(model).inertia(acceleration)
 
 
-class BesideSupports:
+class SharedMass:
     """The solids of a mesh that have a node without a dof."""
 
     def __init__(self, model: Model):
@@ -113,7 +113,7 @@ class BesideSupports:
         if self._is_lumped or not self.blocks:
             return 0.0
         lost = 0.0
-        crossing = self._has_others_beside_supports
+        crossing = self._has_other_kinds_at_supports
         for block in self.blocks:
             for d in range(3):
                 held, depends = (which[block.rows, d] for which in (self.held, self.depends))
@@ -141,12 +141,12 @@ class BesideSupports:
             near[rows[(self.dof[rows] < 0).any(axis=(1, 2)) & (self.dof[rows] >= 0).any(axis=(1, 2))]] = True
         blocks = []
         for kind, rows in solids.items():
-            beside = np.flatnonzero(near[rows].any(axis=1))
+            adjacent = np.flatnonzero(near[rows].any(axis=1))
             elastic = model.elastic.get(kind)
-            of = np.zeros((len(beside), 1)) if elastic is None else np.nan_to_num(elastic[beside])
+            of = np.zeros((len(adjacent), 1)) if elastic is None else np.nan_to_num(elastic[adjacent])
             material = np.unique(of, axis=0, return_inverse=True)[1].ravel()
             for number in range(material.max(initial=-1) + 1):
-                own = rows[beside[material == number]]
+                own = rows[adjacent[material == number]]
                 masses = []
                 for rule in range(2):
                     values = mass_shapes(kind, rule)[0]
@@ -159,7 +159,7 @@ class BesideSupports:
         """The rule and the density of a block, by entries of the matrix that belong to it alone."""
         inside, best = self._surrounded(block), np.inf
         for masses in block.masses:
-            pairs = [self._beside_each_other(block, masses, inside, d) for d in range(3)]
+            pairs = [self._comparable(block, masses, inside, d) for d in range(3)]
             diagonal = np.concatenate([own.diagonal() for own, _ in pairs])
             if not len(diagonal):
                 continue
@@ -174,7 +174,7 @@ class BesideSupports:
             if worst <= SAME_MASS and worst < best:
                 best, block.mass = worst, density * masses
 
-    def _beside_each_other(
+    def _comparable(
         self, block: _Block, masses: np.ndarray, inside: np.ndarray, d: int
     ) -> tuple[csr_matrix, csr_matrix]:
         """Of nodes along a direction the mass, and that of unit density, both by the latter's diagonal."""
@@ -206,12 +206,12 @@ class BesideSupports:
     def _missed(
         self, load: np.ndarray, known: list[tuple[_Block, np.ndarray]], d: int, values: np.ndarray
     ) -> np.ndarray:
-        """What rows beside dependent nodes, but those that others depend on too, differ by from the mesh, `[rows]`."""
+        """What rows next to dependent nodes, but those that others depend on too, differ by from the mesh, `[rows]`."""
         ones = np.ones(self._count)
         found = []
         for block, mass in known:
-            beside = block.sums(np.abs(mass), self.depends[:, d].astype(float), self._count) > 0.0
-            rows = np.flatnonzero(beside & self._surrounded(block) & (self.dof[:, d] >= 0))
+            adjacent = block.sums(np.abs(mass), self.depends[:, d].astype(float), self._count) > 0.0
+            rows = np.flatnonzero(adjacent & self._surrounded(block) & (self.dof[:, d] >= 0))
             whole = block.sums(mass, ones, self._count)[rows]
             size = block.sums(np.abs(mass), ones, self._count)[rows]
             rows = rows[self._own_sums(d)[rows] <= whole + SAME_MASS * size]
@@ -220,14 +220,14 @@ class BesideSupports:
 
     @cached_property
     def _is_lumped(self) -> bool:
-        """Whether no node beside a support shares any mass: all of it is in the rows."""
+        """Whether no node next to a support shares any mass: all of it is in the rows."""
         own = np.unique(np.concatenate([self.dof[block.rows].ravel() for block in self.blocks] or [np.empty(0, int)]))
         own = own[own >= 0]
         entries = abs(self._model.mass[own])
         return bool(entries.sum() <= (1.0 + SAME_MASS) * entries[np.arange(len(own)), own].sum())
 
     @property
-    def _has_others_beside_supports(self) -> bool:
+    def _has_other_kinds_at_supports(self) -> bool:
         """Whether elements of kinds without shape functions here have both free and held nodes."""
         others = [self._rows_of(nodes) for kind, (_, nodes) in self._model.elements.items() if kind not in KINDS]
         return any(

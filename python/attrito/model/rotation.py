@@ -7,7 +7,7 @@ In the frame that turns with speed Omega about an axis a through a point p, smal
 P (x - p) being the vector from the axis: the mass times the acceleration of a point in a turning frame, which is
 x'' + 2 Omega a x x' - Omega^2 P (x - p). The Coriolis term 2 Omega a x q' is in `coriolis`.
 
-Held dofs have no row. What a node beside a support shares with it is in the load (`held_mass`); they do not move, and
+Held dofs have no row. What a node next to a support shares with it is in the load (`held_mass`); they do not move, and
 so have no part in the softening.
 """
 

@@ -14,7 +14,7 @@ import numpy as np
 from attrito.job.accelerations import BASE_KEYS
 from attrito.job.job import Job
 from attrito.library.reduced_scene import ReducedScene, all_alike
-from attrito.model.held_mass import BesideSupports
+from attrito.model.held_mass import SharedMass
 from attrito.model.rigidity import resisted_rotation
 from attrito.scene.scene import Contacts, Scene
 from attrito.scene.sector import wheel_axis
@@ -51,11 +51,7 @@ def _lost_at_supports(job: Job, scene: Scene) -> list[str]:
         for i, load in enumerate(job["load"])
         if load["kind"] == "centrifugal" or any(load.get(name) is not None for name in ("gravity", *BASE_KEYS))
     ]
-    if (
-        not by_mass
-        or not scene.model.has_mesh
-        or (share := BesideSupports(scene.model).unknown_share) <= LOST_AT_SUPPORTS
-    ):
+    if not by_mass or not scene.model.has_mesh or (share := SharedMass(scene.model).unknown_share) <= LOST_AT_SUPPORTS:
         return []
     return [
         f"{', '.join(by_mass)}: matrices without held dofs lack {share:.1%} of the mass, which nodes beside supports"

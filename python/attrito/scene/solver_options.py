@@ -12,7 +12,7 @@ from attrito.scene.rom_file import Rom
 FIRST_HARMONICS, FIRST_SAMPLES = 3, 64
 # No fewer are chosen
 FEWEST_SAMPLES = 32
-# Where no contact goes by samples, of periods that pass: (2 pi / 256)^2 / 12 = 5e-5 of the forces
+# Of periods that pass, if no contact goes by samples: (2 pi / 256)^2 / 12 = 5e-5 of the forces
 OF_PASSING = 256
 
 
