@@ -45,7 +45,7 @@ contains
       rest = loading%period - state%theta
       if (rest <= 1.0e-14_wp*loading%period) exit
       call expand(system, loading, state, segment)
-      segment%length = min(step_length(segment), rest, longest_segment*loading%period, &
+      segment%length = min(step_length(system, segment), rest, longest_segment*loading%period, &
                            next_knot(loading, state%cycle, state%theta))
       if (in_a_row > 8 + 4*size(system%law)) then
         segment%length = min(segment%length, 1.0e-9_wp*loading%period)

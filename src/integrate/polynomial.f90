@@ -9,7 +9,7 @@ module attrito_integrate_polynomial
   use attrito_core_kinds, only: wp
   implicit none
   private
-  public :: bernstein_matrix, first_negative, sign_changes, value, slope, product_integral
+  public :: bernstein_matrix, first_negative, sign_changes, value, slope, derivative, product_of, square, product_integral
 
   !> Halvings before what is left of an interval counts as one point
   integer, parameter :: deepest = 48 ! derived
@@ -55,6 +55,39 @@ contains
       slope = slope*s + k*a(k)
     end do
   end function slope
+
+  !> Coefficients of the derivative, the last one zero.
+  pure function derivative(a) result(b)
+    !> Polynomial, coefficients from degree 0
+    real(wp), intent(in) :: a(0:)
+    real(wp) :: b(0:ubound(a, 1))
+    integer :: k
+
+    do k = 0, ubound(a, 1) - 1
+      b(k) = (k + 1)*a(k + 1)
+    end do
+    b(ubound(a, 1)) = 0.0_wp
+  end function derivative
+
+  !> The first coefficients of a product, as many as its factors have.
+  pure function product_of(a, b) result(c)
+    !> Polynomials, coefficients from degree 0
+    real(wp), intent(in) :: a(0:), b(0:)
+    real(wp) :: c(0:ubound(a, 1))
+    integer :: k
+
+    do k = 0, ubound(a, 1)
+      c(k) = dot_product(a(:k), b(k:0:-1))
+    end do
+  end function product_of
+
+  pure function square(a) result(c)
+    !> Polynomial, coefficients from degree 0
+    real(wp), intent(in) :: a(0:)
+    real(wp) :: c(0:ubound(a, 1))
+
+    c = product_of(a, a)
+  end function square
 
   !> Integral of the product of two polynomials over [0, s].
   pure real(wp) function product_integral(a, b, s)

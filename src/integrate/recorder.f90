@@ -5,21 +5,33 @@
 !>    E_f = \int T \dot w\, dt = \int T \dot u\, dt - \Big[ \frac{T^2}{2 k_t} \Big] $$
 module attrito_integrate_recorder
   use attrito_core_kinds, only: wp
+  use attrito_contact_state, only: regime_slip
   use attrito_integrate_loading, only: loading_type
-  use attrito_integrate_polynomial, only: sign_changes, value, product_integral
+  use attrito_integrate_polynomial, only: sign_changes, value, derivative, product_of, product_integral
   use attrito_integrate_segment, only: segment_type
   use attrito_integrate_system, only: system_type
   implicit none
   private
-  public :: recorder_type, trace_type, new_recorder, record
+  public :: recorder_type, trace_type, slip_series_type, new_recorder, record
+
+  !> Slip along two tangents over a stretch, by powers of the part of it that has passed: coefficients of r, e, phi' and u'.e [0:n]
+  type :: slip_series_type
+    integer :: contact = 0
+    !> Does the contact land where it begins, r = 0?
+    logical :: lands = .false.
+    real(wp), allocatable :: radius(:), e(:, :), turn(:), along(:)
+  end type slip_series_type
 
   !> A stretch of the period in which no contact changes what it does, as the linearised flow sees it
   type :: trace_type
     !> Units of the clock
     real(wp) :: length = 0.0_wp
-    !> What contacts do and to which side they slip; u'/v' at its beginning, for those that land there [contacts]
+    !> What contacts do and to which side they slip [contacts]; u'/v' at its beginning, for those that land there [2, contacts]
     integer, allocatable :: regime(:), side(:)
-    real(wp), allocatable :: landing_slope(:)
+    real(wp), allocatable :: landing_slope(:, :)
+    !> Directions of slip at its beginning and at its end [2, contacts], and their series for those that slip along two tangents
+    real(wp), allocatable :: from(:, :), to(:, :)
+    type(slip_series_type), allocatable :: slips(:)
   end type trace_type
 
   type :: recorder_type
@@ -102,11 +114,13 @@ contains
     type(segment_type), intent(in) :: segment
     type(trace_type) :: trace
     real(wp) :: dv
-    integer :: i, last
+    integer :: i, last, n
 
     last = size(self%trace)
-    if (last > 0) then
-      if (all(self%trace(last)%regime == segment%regime .and. self%trace(last)%side == segment%side)) then
+    trace%slips = slips_of(system, segment)
+    if (last > 0 .and. size(trace%slips) == 0) then
+      if (size(self%trace(last)%slips) == 0 .and. all(self%trace(last)%regime == segment%regime) .and. &
+          all(self%trace(last)%side == segment%side)) then
         self%trace(last)%length = self%trace(last)%length + segment%length
         return
       end if
@@ -114,13 +128,56 @@ contains
     trace%length = segment%length
     trace%regime = segment%regime
     trace%side = segment%side
-    allocate (trace%landing_slope(size(system%law)), source=0.0_wp)
+    allocate (trace%landing_slope(2, size(system%law)), trace%from(2, size(system%law)), source=0.0_wp)
+    trace%from(1, :) = segment%side
+    trace%to = trace%from
     do i = 1, size(system%law)
-      dv = segment%displacement(1, system%law(i)%first_row + 1)
-      if (abs(dv) > 0.0_wp) trace%landing_slope(i) = segment%displacement(1, system%law(i)%first_row)/dv
+      n = system%law(i)%tangents
+      associate (d => segment%displacement, first => system%law(i)%first_row)
+        dv = d(1, first + n)
+        if (abs(dv) > 0.0_wp) trace%landing_slope(:n, i) = d(1, first:first + n - 1)/dv
+        if (n == 1) cycle
+        trace%from(:, i) = [cos(segment%angle(0, i)), sin(segment%angle(0, i))]
+        trace%to(1, i) = value(segment%angle(:, i), segment%length)
+        trace%to(:, i) = [cos(trace%to(1, i)), sin(trace%to(1, i))]
+      end associate
     end do
     self%trace = [self%trace, trace]
   end subroutine keep_trace
+
+  !> What the linearised flow needs of contacts that slip along two tangents.
+  pure function slips_of(system, segment) result(slips)
+    !> Linear system in time: mass, damping, stiffness, contacts
+    type(system_type), intent(in) :: system
+    !> Motion between two events, closed form
+    type(segment_type), intent(in) :: segment
+    type(slip_series_type), allocatable :: slips(:)
+    integer, allocatable :: contacts(:)
+    real(wp) :: powers(0:ubound(segment%motion, 2))
+    integer :: s, i, n
+
+    contacts = pack([(i, i=1, size(system%law))], segment%regime == regime_slip .and. system%law%tangents > 1 .and. &
+                    system%law%friction_coefficient > 0.0_wp)
+    allocate (slips(size(contacts)))
+    n = ubound(powers, 1)
+    powers(0) = 1.0_wp
+    do i = 1, n
+      powers(i) = powers(i - 1)*segment%length
+    end do
+    do s = 1, size(contacts)
+      i = contacts(s)
+      associate (law => system%law(i), first => system%law(i)%first_row, slip => slips(s), e => segment%direction)
+        slip%contact = i
+        slip%lands = segment%lands(i)
+        allocate (slip%radius(0:n), slip%turn(0:n), slip%along(0:n), slip%e(0:n, 2))
+        slip%radius = powers*segment%radius(:, i)
+        slip%e = spread(powers, 2, 2)*e(:, :, i)
+        slip%turn = derivative(powers*segment%angle(:, i))
+        slip%along = product_of(derivative(powers*segment%displacement(:, first)), slip%e(:, 1)) &
+                     + product_of(derivative(powers*segment%displacement(:, first + 1)), slip%e(:, 2))
+      end associate
+    end do
+  end function slips_of
 
   pure subroutine measure_monitors(self, system, segment)
     type(recorder_type), intent(inout) :: self
@@ -193,14 +250,8 @@ contains
   pure real(wp) function work_of(force, displacement, h)
     !> Load on the coordinates, or a force; displacement of the coordinates; length of the interval, s
     real(wp), intent(in) :: force(0:), displacement(0:), h
-    real(wp) :: rate(0:ubound(displacement, 1))
-    integer :: k
 
-    rate = 0.0_wp
-    do k = 0, ubound(rate, 1) - 1
-      rate(k) = (k + 1)*displacement(k + 1)
-    end do
-    work_of = product_integral(force, rate, h)
+    work_of = product_integral(force, derivative(displacement), h)
   end function work_of
 
   !> Smallest and largest value of a polynomial on the segment, located.

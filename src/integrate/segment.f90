@@ -16,8 +16,15 @@ module attrito_integrate_segment
     real(wp), allocatable :: motion(:, :), load(:, :)
     !> Of displacement and force of each row of B [0:n, rows]
     real(wp), allocatable :: displacement(:, :), force(:, :)
+    !> Of the direction of slip along two tangents, as an angle and a unit vector [0:n, contacts], [0:n, 2, contacts], and of the
+    !> radius with which it turns, r or zero [0:n, contacts]
+    real(wp), allocatable :: angle(:, :), direction(:, :, :), radius(:, :)
     !> What each contact does meanwhile, and to which side it slips, +1 or -1 [contacts]
     integer, allocatable :: regime(:), side(:)
+    !> Does the direction begin along u', where the contact lands or all along? [contacts]
+    logical, allocatable :: lands(:)
+    !> Is the disc so small that it does so all along? [contacts]
+    logical, allocatable :: small(:)
     !> From powers to Bernstein coefficients [0:n, 0:n]
     real(wp), allocatable :: bernstein(:, :)
   end type segment_type
@@ -32,7 +39,10 @@ contains
 
     allocate (self%motion(m, 0:degree), self%load(m, 0:degree), self%displacement(0:degree, rows), self%force(0:degree, rows), &
               source=0.0_wp)
+    allocate (self%angle(0:degree, contacts), self%direction(0:degree, 2, contacts), self%radius(0:degree, contacts), &
+              source=0.0_wp)
     allocate (self%regime(contacts), self%side(contacts), source=0)
+    allocate (self%lands(contacts), self%small(contacts), source=.false.)
     allocate (self%bernstein(0:degree, 0:degree), source=bernstein_matrix(degree))
   end function new_segment
 end module attrito_integrate_segment

@@ -2,7 +2,6 @@
 module attrito_stability_balance_motion
   use attrito_core_kinds, only: wp
   use attrito_contact_state, only: state_shaken_down
-  use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   use attrito_model_contacts, only: contact_type
   use attrito_solve_solver, only: solver_type
   implicit none
@@ -14,8 +13,6 @@ module attrito_stability_balance_motion
     real(wp), allocatable :: motion(:, :), slider(:, :)
     !> Does a contact stick throughout? [contacts]
     logical, allocatable :: holds(:)
-    !> For the motion's harmonics
-    type(trigonometric_grid_type) :: grid
     !> Does a contact with two tangents slip or open?
     logical :: turns = .false.
   end type balance_motion_type
@@ -42,7 +39,6 @@ contains
       call balance%ranks%sum(self%motion)
       call balance%ranks%sum(self%slider)
       call balance%ranks%sum(holds)
-      self%grid = balance%quadrature%grid
     end associate
     self%holds = holds > 0.0_wp
     self%turns = any(solver%contacts%law%tangents > 1 .and. .not. self%holds)

@@ -6,21 +6,18 @@ module attrito_stability_examine
   use attrito_model_structure, only: structure_type, damping_loss_factor, damping_viscous
   use attrito_solve_solver, only: solver_type
   use attrito_integrate_system, only: system_type, new_system
-  use attrito_stability_assess, only: assess
+  use attrito_stability_assess, only: assess, not_known_to_hill
   use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
   use attrito_stability_examination, only: examination_type, examine_options_type, is_near, largest_distance, part, &
                                            by_monodromy, by_hill, balanced_orbit, exact_orbit, automatic_orbit
   use attrito_stability_in_time, only: decide_in_time
   use attrito_stability_orbit, only: orbit_type
-  use attrito_stability_orbit_search, only: orbit_search_type, new_search, new_orbit, find_orbit
+  use attrito_stability_orbit_search, only: orbit_search_type, new_search, find_orbit
   use attrito_stability_verdict, only: largest_multiplier, may_fold, between_folding, stable, unstable, indeterminate
   implicit none
   private
   public :: examination_type, examine_options_type, examine, system_of, by_monodromy, by_hill
   public :: balanced_orbit, exact_orbit, automatic_orbit
-
-  character(*), parameter :: not_known_to_hill = &
-    'a contact slips along two tangents or opens, which Hill''s problem here does not know'
 
 contains
 
@@ -64,7 +61,7 @@ contains
     !> What is found of stability
     type(examination_type), intent(inout) :: self
     type(orbit_search_type) :: search
-    class(orbit_type), allocatable :: orbit
+    type(orbit_type) :: orbit
     character(:), allocatable :: reason
     logical :: found, own
 
@@ -74,9 +71,8 @@ contains
     end if
     self%limit = largest_distance(options%estimate)
     search = new_search(solver, system, balance, self%limit)
-    call new_orbit(search, orbit)
     call find_orbit(search, orbit, found)
-    own = all(orbit%stuck) .and. (any(system%law%tangents > 1) .or. options%orbit /= exact_orbit)
+    own = all(orbit%stuck) .and. options%orbit /= exact_orbit
     own = own .or. options%orbit == balanced_orbit
     if (.not. own) then
       call examine_in_time(search, options, self)
@@ -101,28 +97,19 @@ contains
     type(examine_options_type), intent(in) :: options
     !> What is found of stability
     type(examination_type), intent(inout) :: self
-    class(orbit_type), allocatable :: orbit
-    character(:), allocatable :: name
+    type(orbit_type) :: orbit
     logical :: found
 
     search%in_time = .true.
-    call new_orbit(search, orbit)
-    if (orbit%samples > 0 .and. iand(options%methods, by_monodromy) == 0) then
-      self%verdict = indeterminate
-      self%reason = not_known_to_hill
-      return
-    end if
-    name = 'event-exact orbit'
-    if (orbit%samples > 0) name = 'orbit of motion in time'
     call find_orbit(search, orbit, found)
     if (found) call assess(search, options, search%holding, orbit, self)
     self%distance = search%distance
     if (.not. is_near(self)) then
       if (allocated(self%monodromy)) deallocate (self%monodromy)
       self%verdict = indeterminate
-      self%reason = 'no '//name//' near that of the balance'
-      if (self%distance >= 0.0_wp) self%reason = 'the '//name//' lies '//part(self%distance)//' from that of the balance'
-    else if (self%verdict == indeterminate .and. options%decide .and. orbit%samples == 0) then
+      self%reason = 'no orbit of motion in time near that of the balance'
+      if (self%distance >= 0.0_wp) self%reason = 'the orbit of motion in time lies '//part(self%distance)//' from that of the balance'
+    else if (self%verdict == indeterminate .and. options%decide) then
       self%verdict = decide_in_time(search%holding, search%loading, search%start)
       if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'
     end if
@@ -137,7 +124,7 @@ contains
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> The balance's
-    class(orbit_type), allocatable, intent(inout) :: orbit
+    type(orbit_type), intent(in) :: orbit
     !> What was found in time
     type(examination_type), intent(inout) :: self
     type(examination_type) :: of_balance

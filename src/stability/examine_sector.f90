@@ -6,13 +6,15 @@
 module attrito_stability_examine_sector
   use attrito_core_kinds, only: wp, two_pi
   use attrito_solve_solver, only: solver_type
+  use attrito_stability_assess, only: not_known_to_hill
   use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
   use attrito_stability_examination, only: examination_type, examine_options_type, number, by_monodromy, by_hill
   use attrito_stability_hill, only: too_large
   use attrito_stability_hill_sector, only: wheel_multipliers
   use attrito_stability_wheel_modes, only: wheel_modes_type
+  use attrito_stability_given_motion, only: segments_of_motion
+  use attrito_stability_smooth_segments, only: orbit_segments_type
   use attrito_stability_multipliers, only: multiplier_type
-  use attrito_stability_smooth_segments, only: orbit_segments_type, segments_of_motion
   use attrito_stability_verdict, only: judge, largest_multiplier, unstable, indeterminate
   use attrito_stability_wheel_monodromy, only: wheel_type, wave_multipliers
   implicit none
@@ -21,9 +23,6 @@ module attrito_stability_examine_sector
 
   !> Multipliers that the two engines may differ by and still agree
   real(wp), parameter :: agreement = 1.0e-3_wp ! guess
-  !> Change of the largest multiplier by a doubling of samples that is small enough, and how often samples are doubled at most
-  real(wp), parameter :: accepted = 1.0e-3_wp ! guess
-  integer, parameter :: most_doublings = 3 ! guess
 
 contains
 
@@ -89,7 +88,7 @@ contains
     if (len(breaks) > 0) self%reason = breaks
   end subroutine examine_wave
 
-  !> By the flow of the whole wheel; where orbits have samples, on enough of them.
+  !> By the flow of the whole wheel.
   subroutine flow_wheel(wheel, balance, omega, self)
     !> The whole wheel
     type(wheel_type), intent(in) :: wheel
@@ -99,19 +98,9 @@ contains
     real(wp), intent(in) :: omega
     !> What is found of stability
     type(examination_type), intent(inout) :: self
-    type(multiplier_type), allocatable :: finer(:)
-    integer :: i, info
+    integer :: info
 
-    call wave_multipliers(wheel, balance, omega, 1, self%monodromy, info)
-    if (balance%turns .and. info == 0) then
-      do i = 1, most_doublings
-        call wave_multipliers(wheel, balance, omega, 2**i, finer, info)
-        if (info /= 0) exit
-        self%change = abs(largest_multiplier(finer) - largest_multiplier(self%monodromy))
-        call move_alloc(finer, self%monodromy)
-        if (self%change <= accepted) exit
-      end do
-    end if
+    call wave_multipliers(wheel, balance, omega, self%monodromy, info)
     if (info == 0) return
     if (allocated(self%monodromy)) deallocate (self%monodromy)
     self%reason = 'eigenvalues were not found'
@@ -136,12 +125,13 @@ contains
     type(orbit_segments_type) :: segments
     real(wp) :: frequency
     integer :: diameter, info
+    logical :: periodic
 
     if (balance%turns) then
-      self%reason = 'a contact slips along two tangents or opens, which Hill''s problem here does not know'
+      self%reason = not_known_to_hill
       return
     end if
-    call segments_of_motion(waves%contacts%law, balance%grid, balance%motion, balance%slider(1, :), segments)
+    call segments_of_motion(waves%contacts%law, balance, segments, periodic)
     call wheel_multipliers(waves, segments, solver%omega, self%hill, diameter, frequency, info)
     if (info == 0) then
       breaks = breaks_into(waves, self%hill(1)%wavenumber, diameter, frequency)

@@ -36,7 +36,7 @@ contains
   !> The first contact that does something else once perturbed, 0: none.
   pure integer function grazing_contact(orbit, moved) result(contact)
     !> Orbit; the same under laws that are slightly changed
-    class(orbit_type), intent(in) :: orbit, moved
+    type(orbit_type), intent(in) :: orbit, moved
 
     do contact = 1, size(orbit%stuck)
       if (orbit%stuck(contact)) cycle
@@ -48,7 +48,7 @@ contains
   !> Does a contact do the same things in the same order in two orbits, wherever the period is cut?
   pure logical function same_sequence(one, other, contact)
     !> Orbit
-    class(orbit_type), intent(in) :: one, other
+    type(orbit_type), intent(in) :: one, other
     !> Number of the contact
     integer, intent(in) :: contact
     integer, allocatable :: a(:), b(:)
@@ -67,7 +67,7 @@ contains
   !> What a contact does in a period, in order, repetitions left out: 0 stick, +-1 slip, 2 open.
   pure function sequence_of(orbit, contact) result(list)
     !> Orbit
-    class(orbit_type), intent(in) :: orbit
+    type(orbit_type), intent(in) :: orbit
     !> Number of the contact
     integer, intent(in) :: contact
     integer, allocatable :: list(:), regimes(:)

@@ -142,7 +142,7 @@ contains
       rest = rest_type(force=force, from=orbit%segment(i)%from, to=orbit%segment(i)%from + orbit%segment(i)%length)
       associate (first => orbit%segment(modulo(j - 1, n) + 1), before => orbit%segment(modulo(j - 2, n) + 1))
         rest%origin = first%from - merge(two_pi, 0.0_wp, j < 1)
-        rest%by_normal = first%by_normal(contact)
+        rest%by_normal = first%by_normal(1, contact)
       end associate
       rests = [rests, rest]
     end do

@@ -4,7 +4,7 @@ module attrito_stability_in_time
   use attrito_integrate_loading, only: loading_type
   use attrito_integrate_state, only: state_type, new_state
   use attrito_integrate_system, only: system_type
-  use attrito_stability_event_orbit, only: march_freely
+  use attrito_stability_orbit, only: march_freely
   use attrito_stability_verdict, only: stable, unstable, indeterminate
   implicit none
   private

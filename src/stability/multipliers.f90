@@ -42,7 +42,7 @@ contains
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> Orbit that is examined
-    class(orbit_type), intent(in) :: orbit
+    type(orbit_type), intent(in) :: orbit
     !> Floquet multipliers
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> How many they are found in
@@ -102,7 +102,7 @@ contains
     !> Number of modes
     integer, intent(in) :: modes
     !> Orbit that is examined
-    class(orbit_type), intent(in) :: orbit
+    type(orbit_type), intent(in) :: orbit
     !> Floquet multipliers
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> 0: done, else LAPACK's code

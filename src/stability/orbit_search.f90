@@ -9,19 +9,13 @@ module attrito_stability_orbit_search
   use attrito_solve_solver, only: solver_type
   use attrito_stability_balance_motion, only: balance_motion_type
   use attrito_stability_distance, only: trajectory_of_balance, distance_between, instants
-  use attrito_stability_event_orbit, only: event_orbit_type
   use attrito_stability_orbit, only: orbit_type
-  use attrito_stability_sampled_orbit, only: sampled_orbit_type
   use attrito_stability_shooting, only: shoot, march_until_settled
   use attrito_stability_start, only: loading_of, start_of
   implicit none
   private
-  public :: orbit_search_type, new_search, new_orbit, find_orbit
+  public :: orbit_search_type, new_search, find_orbit
 
-  !> Samples a period, at first
-  integer, parameter :: fewest_samples = 256 ! conventional
-  !> How many times the distance at which an orbit still counts as near may be that of one which is going to be refined
-  real(wp), parameter :: beside_limit = 2.0_wp ! guess
   !> Part by which friction of contacts that hold is raised once the orbit of motion in time is known: one that was shaken down
   !> touches its limit there, where rounding decides whether it slips
   real(wp), parameter :: raised = 1.0e-6_wp ! guess
@@ -79,34 +73,16 @@ contains
     where (holds) changed%friction_coefficient = (1.0_wp + raised)*law%friction_coefficient
   end function held
 
-  !> An orbit that has yet to be found: by samples where contacts may slip along two tangents.
-  subroutine new_orbit(self, orbit)
-    type(orbit_search_type), intent(in) :: self
-    !> Without motion
-    class(orbit_type), allocatable, intent(out) :: orbit
-    logical :: by_samples
-
-    by_samples = self%balance%turns
-    if (self%in_time) by_samples = any(self%system%law%tangents > 1)
-    if (by_samples) then
-      allocate (sampled_orbit_type :: orbit)
-      orbit%samples = fewest_samples
-    else
-      allocate (event_orbit_type :: orbit)
-    end if
-  end subroutine new_orbit
-
-  !> Find the orbit on its resolution, from where it was found on a coarser one.
+  !> The balance's orbit, or that of motion in time next to it.
   subroutine find_orbit(self, orbit, found)
     type(orbit_search_type), intent(inout) :: self
-    !> From `new_orbit`, then the orbit
-    class(orbit_type), allocatable, intent(inout) :: orbit
-    !> Is there one next to the balance's?
+    type(orbit_type), intent(out) :: orbit
+    !> Is there one?
     logical, intent(out) :: found
 
     if (self%in_time) then
       call find_in_time(self, orbit)
-      found = self%distance >= 0.0_wp .and. self%distance <= merge(beside_limit, 1.0_wp, orbit%can_refine())*self%limit
+      found = self%distance >= 0.0_wp .and. self%distance <= self%limit
       if (found) call orbit%apply_law(self%holding, self%loading)
     else
       call orbit%take_balance(self%system, self%loading, self%balance)
@@ -117,15 +93,12 @@ contains
   !> Of two orbits of motion in time the nearer.
   subroutine find_in_time(self, orbit)
     type(orbit_search_type), intent(inout) :: self
-    !> From `new_orbit`, then the orbit
-    class(orbit_type), allocatable, intent(inout) :: orbit
-    class(orbit_type), allocatable :: other_orbit
+    type(orbit_type), intent(inout) :: orbit
+    type(orbit_type) :: other_orbit
     type(state_type) :: other
     real(wp) :: distance
 
     other = self%start
-    allocate (other_orbit, mold=orbit)
-    other_orbit%samples = orbit%samples
     call shoot_from(self%start, orbit, self%distance)
     if (self%distance >= 0.0_wp .and. self%distance <= self%limit) return
     call march_until_settled(self%system, self%loading, other_orbit, other)
@@ -133,7 +106,7 @@ contains
     if (distance < 0.0_wp .or. (self%distance >= 0.0_wp .and. self%distance <= distance)) return
     self%start = other
     self%distance = distance
-    call move_alloc(other_orbit, orbit)
+    orbit = other_orbit
 
   contains
 
@@ -141,7 +114,7 @@ contains
       !> Where the search starts, then where the orbit's period starts
       type(state_type), intent(inout) :: state
       !> Orbit next to it
-      class(orbit_type), intent(inout) :: next
+      type(orbit_type), intent(inout) :: next
       !> How far it lies from the balance's; negative: none was found
       real(wp), intent(out) :: distance_of_next
       type(state_type) :: end

@@ -6,10 +6,6 @@
 !> same.
 !> Of many modes the lowest are in M, and the others go where the period leaves them. Sliders of contacts that stick throughout go
 !> there, too; those of contacts that slip or are open where the period begins follow the motion.
-!>
-!> The map of a scheme with steps of fixed length has a derivative that differs from M by a part that shrinks with the steps, since
-!> its forces jump at steps and not where contacts switch; so Newton's method gains a constant factor a step there, and the orbit that
-!> it comes to is of second order in the steps.
 module attrito_stability_shooting
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: solve_dense
@@ -26,8 +22,8 @@ module attrito_stability_shooting
 
   !> Most Newton steps
   integer, parameter :: most_steps = 30 ! conventional
-  !> Change of the state that counts as none, relative to the motion: where events are located, by samples
-  real(wp), parameter :: settled_events = 1.0e-12_wp, settled_samples = 1.0e-9_wp ! derived
+  !> Change of the state that counts as none, relative to the motion
+  real(wp), parameter :: settled = 1.0e-12_wp ! derived
   !> Modes in the monodromy that Newton's method takes, at most
   integer, parameter :: most_modes = 100 ! conventional
   !> Part to which a step shrinks while the monodromy is not made anew
@@ -48,8 +44,8 @@ contains
     type(loading_type), intent(in) :: loading
     !> Where the search starts, then where the orbit's period starts
     type(state_type), intent(inout) :: start
-    !> Of the kind that is wanted; then the orbit
-    class(orbit_type), intent(inout) :: orbit
+    !> The orbit
+    type(orbit_type), intent(inout) :: orbit
     !> Is there an orbit?
     logical, intent(out) :: found
     type(memory_type), allocatable :: memory(:)
@@ -78,7 +74,7 @@ contains
       step = change_of_state(system, memory, start, end)
       step(rows) = -matmul(inverse, step(rows))
       change = norm2(step(:2*m))
-      found = change <= merge(settled_samples, settled_events, orbit%samples > 0)*range
+      found = change <= settled*range
       if (found .or. .not. change <= 1.0e3_wp*range) return
       call move(system, orbit, step, end, start)
     end do
@@ -153,7 +149,7 @@ contains
     !> Linear system in time: mass, damping, stiffness, contacts
     type(system_type), intent(in) :: system
     !> The period from the state
-    class(orbit_type), intent(in) :: orbit
+    type(orbit_type), intent(in) :: orbit
     !> Of motion, rate and memory
     real(wp), intent(in) :: step(:)
     !> Where the period ends
@@ -199,8 +195,8 @@ contains
     type(system_type), intent(in) :: system
     !> Static and harmonic loads over time
     type(loading_type), intent(in) :: loading
-    !> Of the kind that is wanted; then the last period
-    class(orbit_type), intent(inout) :: orbit
+    !> The last period
+    type(orbit_type), intent(inout) :: orbit
     !> Displacement, velocity and sliders
     type(state_type), intent(inout) :: state
     type(state_type) :: before

@@ -19,20 +19,16 @@ module attrito_stability_wheel_monodromy
   use attrito_model_structure, only: structure_type
   use attrito_model_wheel, only: whole_wheel, coordinates_of_wheel, turned_back, wave_of
   use attrito_stability_balance_motion, only: balance_motion_type
-  use attrito_stability_event_orbit, only: event_orbit_type
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet, kind_slip, kind_stuck
   use attrito_stability_orbit, only: orbit_type
   use attrito_stability_perturbation, only: memory_type
   use attrito_stability_reduced, only: reduced_type, reduce_to
-  use attrito_stability_sampled_orbit, only: sampled_orbit_type
   implicit none
   private
-  public :: wheel_type, new_wheel, wave_multipliers, samples_of_wave, modes_of_wheel, most_modes
+  public :: wheel_type, new_wheel, wave_multipliers, modes_of_wheel, most_modes
 
   !> Modes of a wheel that is marched as a whole, at most: matrices of twice the order
   integer, parameter :: most_modes = 600 ! conventional
-  !> Samples of a period where contacts slip along two tangents, at least
-  integer, parameter :: fewest_samples = 1024 ! conventional
 
   type :: wheel_type
     type(sector_type) :: sector
@@ -70,25 +66,23 @@ contains
   end subroutine new_wheel
 
   !> All multipliers of the wave, the largest first within each kind.
-  subroutine wave_multipliers(self, balance, omega, refinement, multipliers, info)
+  subroutine wave_multipliers(self, balance, omega, multipliers, info)
     type(wheel_type), intent(in) :: self
     !> Motion and sliders of the sector's contacts
     type(balance_motion_type), intent(in) :: balance
     !> Angular frequency of the excitation
     real(wp), intent(in) :: omega
-    !> So many times as many samples as are the fewest, where orbits have samples
-    integer, intent(in) :: refinement
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> 0, or not: no convergence; -1: a slider does not come back
     integer, intent(out) :: info
-    class(orbit_type), allocatable :: orbit
+    type(orbit_type) :: orbit
     complex(wp), allocatable :: values(:)
     type(multiplier_type), allocatable :: found(:)
     real(wp), allocatable :: matrix(:, :)
     integer :: m, g, block, turning, i
 
     call find_steps(self%sector, m, g)
-    call find_orbit(self, balance, omega, refinement, orbit)
+    call find_orbit(self, balance, omega, orbit)
     info = merge(0, -1, orbit%periodic)
     if (info /= 0) return
     matrix = flow_and_back(self, orbit, m, self%sector%sectors/g)
@@ -119,25 +113,17 @@ contains
   end subroutine find_steps
 
   !> The balance's own orbit, put round the wheel.
-  subroutine find_orbit(self, balance, omega, refinement, orbit)
+  subroutine find_orbit(self, balance, omega, orbit)
     type(wheel_type), intent(in) :: self
     !> Motion and sliders of the sector's contacts
     type(balance_motion_type), intent(in) :: balance
     !> Angular frequency of the excitation
     real(wp), intent(in) :: omega
-    !> See `wave_multipliers`
-    integer, intent(in) :: refinement
-    class(orbit_type), allocatable, intent(out) :: orbit
+    type(orbit_type), intent(out) :: orbit
     type(balance_motion_type) :: wave
     type(loading_type) :: loading
     integer :: i
 
-    if (balance%turns) then
-      allocate (sampled_orbit_type :: orbit)
-      orbit%samples = samples_of_wave(self%sector, refinement)
-    else
-      allocate (event_orbit_type :: orbit)
-    end if
     wave = balance
     wave%motion = wave_of(self%sector, balance%motion)
     wave%slider = reshape([(balance%slider, i=1, self%sector%sectors)], [size(balance%slider, 1), size(self%system%law)])
@@ -146,20 +132,11 @@ contains
     call orbit%take_balance(self%system, loading, wave)
   end subroutine find_orbit
 
-  !> Samples of a period: as many in each part of it after which the wave is itself, some sectors on.
-  pure integer function samples_of_wave(sector, refinement)
-    type(sector_type), intent(in) :: sector
-    !> See `wave_multipliers`
-    integer, intent(in) :: refinement
-
-    samples_of_wave = refinement*sector%period()*((fewest_samples + sector%period() - 1)/sector%period())
-  end function samples_of_wave
-
   !> P [2 modes + memory, 2 modes + memory].
   function flow_and_back(self, orbit, m, parts) result(matrix)
     type(wheel_type), intent(in) :: self
     !> Of the wave
-    class(orbit_type), intent(in) :: orbit
+    type(orbit_type), intent(in) :: orbit
     !> Sectors to go back by; parts of the period, the first of which is flown
     integer, intent(in) :: m, parts
     real(wp), allocatable :: matrix(:, :)

@@ -6,7 +6,7 @@ program test_hill
   use attrito_integrate_state, only: state_type
   use attrito_integrate_system, only: system_type
   use attrito_stability_contour, only: eigenvalues_within, polish
-  use attrito_stability_event_orbit, only: event_orbit_type
+  use attrito_stability_orbit, only: orbit_type
   use attrito_stability_hill, only: hill_multipliers, half_strip, refined_heights
   use attrito_stability_hill_operator, only: hill_operator_type, new_hill_operator
   use attrito_stability_hill_problem, only: hill_problem_type, new_hill_problem
@@ -30,7 +30,7 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(event_orbit_type) :: orbit
+    type(orbit_type) :: orbit
     type(multiplier_type), allocatable :: flow(:), harmonics(:)
     real(wp) :: change
     integer :: info, modes, i
@@ -109,7 +109,7 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(event_orbit_type) :: orbit
+    type(orbit_type) :: orbit
 
     call find_orbit(stiff_wedge(), 110.0_wp, 1.0_wp, system, loading, start, orbit, error)
     if (allocated(error)) return

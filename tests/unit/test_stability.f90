@@ -13,7 +13,7 @@ program test_stability
   use attrito_stability_distance, only: trajectory_of_balance, distance_between
   use attrito_stability_examine, only: by_monodromy, by_hill
   use attrito_stability_hill, only: hill_multipliers
-  use attrito_stability_event_orbit, only: event_orbit_type
+  use attrito_stability_orbit, only: orbit_type
   use attrito_stability_multipliers, only: multiplier_type, kind_floquet, kind_stuck, multipliers_of, in_modes
   use attrito_stability_reduced, only: reduce_to
   use attrito_stability_shooting, only: shoot
@@ -63,7 +63,7 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start, state
-    type(event_orbit_type) :: orbit, other
+    type(orbit_type) :: orbit, other
     real(wp), allocatable :: matrix(:, :), differences(:, :), ends(:, :)
     real(wp) :: range, h
     integer :: column, way, m
@@ -106,7 +106,7 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(event_orbit_type) :: orbit, parted
+    type(orbit_type) :: orbit, parted
     real(wp), allocatable :: whole(:, :)
     integer :: i
 
@@ -142,7 +142,7 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start, state
-    type(event_orbit_type) :: orbit, other
+    type(orbit_type) :: orbit, other
     type(multiplier_type), allocatable :: multipliers(:)
     real(wp) :: range, change, distance(0:200)
     integer :: cycle, info, modes
@@ -190,7 +190,7 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(event_orbit_type) :: orbit
+    type(orbit_type) :: orbit
     real(wp) :: balance(2, count), motion(2, count), apart(2), range, at_start
     logical :: found
     integer :: i
@@ -225,7 +225,7 @@ contains
     type(system_type) :: system
     type(loading_type) :: loading
     type(state_type) :: start
-    type(event_orbit_type) :: orbit
+    type(orbit_type) :: orbit
     type(multiplier_type), allocatable :: all_modes(:), low_modes(:)
     integer :: i, j, info, modes
 
@@ -327,7 +327,7 @@ contains
     type(error_type), allocatable, intent(inout) :: error
     type(solver_type) :: solver
     type(system_type) :: system
-    type(event_orbit_type) :: orbit
+    type(orbit_type) :: orbit
     type(multiplier_type), allocatable :: multipliers(:)
     real(wp) :: change
     integer :: info, modes, i

@@ -9,8 +9,8 @@ program test_wave_monodromy
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_stability_balance_motion, only: balance_motion_type, balance_motion_of
   use attrito_stability_multipliers, only: multiplier_type, in_modes, kind_floquet
-  use attrito_stability_sampled_orbit, only: sampled_orbit_type
-  use attrito_stability_wheel_monodromy, only: wheel_type, new_wheel, wave_multipliers, samples_of_wave
+  use attrito_stability_orbit, only: orbit_type
+  use attrito_stability_wheel_monodromy, only: wheel_type, new_wheel, wave_multipliers
   use cyclic_sector, only: one_sector, whole_wheel
   use scenes, only: scene_type
   use session, only: run_in_session, only_me
@@ -62,11 +62,11 @@ contains
     if (allocated(error)) return
     call new_wheel(one%structure, one%contacts, wheel, fault)
     if (allocated(fault)) error stop 'the wheel is refused'
-    call wave_multipliers(wheel, balance, omega, 1, by_part, info)
+    call wave_multipliers(wheel, balance, omega, by_part, info)
     call solver%destroy()
 
     full = whole_wheel(sectors, engine_order, damping_mass)
-    call multipliers_of_wheel(full, samples_of_wave(one%structure%sector, 1), by_whole, whole_info)
+    call multipliers_of_wheel(full, by_whole, whole_info)
     call check(error, info == 0 .and. whole_info == 0, 'multipliers are not found')
     if (allocated(error)) return
     call check(error, count(by_part%kind == kind_floquet) == count(by_whole%kind == kind_floquet), 'their numbers differ')
@@ -89,24 +89,21 @@ contains
   end subroutine solve
 
   !> By the flow over the whole period.
-  subroutine multipliers_of_wheel(scene, number, multipliers, info)
+  subroutine multipliers_of_wheel(scene, multipliers, info)
     type(scene_type), intent(in) :: scene
-    !> Of samples
-    integer, intent(in) :: number
     type(multiplier_type), allocatable, intent(out) :: multipliers(:)
     !> 0, or not: they are not found
     integer, intent(out) :: info
     type(solver_type) :: solver
     type(system_type) :: system
     type(loading_type) :: loading
-    type(sampled_orbit_type) :: orbit
+    type(orbit_type) :: orbit
     type(error_type), allocatable :: fault
 
     call solve(scene, solver)
     call new_system(scene%structure, scene%contacts, system, fault)
     if (allocated(fault)) error stop 'the wheel is refused'
     loading%period = two_pi/omega*system%clock
-    orbit%samples = number
     call orbit%take_balance(system, loading, balance_motion_of(solver))
     call in_modes(system, size(system%eigenvalues), orbit, multipliers, info)
     call solver%destroy()

@@ -8,7 +8,7 @@ module wedge_orbits
   use attrito_solve_solver, only: solver_type, solver_options_type, new_solver
   use attrito_solve_static_path, only: follow_static_path
   use attrito_solve_strategies, only: solve_by_strategies
-  use attrito_stability_event_orbit, only: event_orbit_type
+  use attrito_stability_orbit, only: orbit_type
   use attrito_stability_shooting, only: shoot
   use attrito_stability_start, only: loading_of, start_of
   use disc_scenes, only: stiffen
@@ -38,7 +38,7 @@ contains
     type(system_type), intent(out) :: system
     type(loading_type), intent(out) :: loading
     type(state_type), intent(out) :: start
-    type(event_orbit_type), intent(out) :: orbit
+    type(orbit_type), intent(out) :: orbit
     !> Allocated: none is found
     type(error_type), allocatable, intent(inout) :: error
     type(solver_type) :: solver

@@ -102,11 +102,6 @@ def _check(job: Job) -> None:
     faults = []
     if keys["frequency_hz"] is None:
         faults.append(job.fault("[integrate] frequency_hz", "missing", "a frequency to integrate at"))
-    two = any(contact["tangents"] is not None and len(contact["tangents"]) == 2 for contact in job["contact"])
-    two = two or any(pairs["tangents"] == 2 for pairs in job["contact_set"])
-    if keys["scheme"] == "event" and two:
-        expected = 'contacts with one tangent, or scheme = "exponential" (slip in two directions has no closed form)'
-        faults.append(job.fault("[integrate] scheme", "event", expected))
     one = " or ".join(f'"{name}"' for name, rules in RULES.items() if rules.one_element)
     for key, law in laws_in_parallel(job).items():
         faults.append(job.fault(key, law, f"{one} (integration in time takes one slider a contact)"))

@@ -132,7 +132,7 @@ COMMANDS: dict[str, dict[str, Key]] = {
         "scheme": Key(
             choice("event", "central_difference", "newmark", "hht", "generalised_alpha", "exponential"),
             "event",
-            "exact for one tangent; `exponential` for two",
+            '`event`: exact between events; the others in steps, also for `law = "pressure"`',
         ),
         "steps_per_period": Key(integer(2), None, "of the schemes other than `event`; absent: what suits the scheme"),
         "dissipation": Key(number(0, 1), None, "HHT's -alpha (0.1) or generalised alpha's spectral radius (0.8)"),

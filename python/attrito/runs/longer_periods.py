@@ -76,7 +76,6 @@ class LongerPeriods:
 
 def can_integrate(scene: ReducedScene) -> bool:
     """Whether event-exact integration takes a scene, and soon is done."""
-    tangents = scene.laws["tangents"]
-    soon = len(tangents) <= MOST_CONTACTS
+    soon = len(scene.laws) <= MOST_CONTACTS
     whole = scene.sector is None
-    return whole and scene.damping_kind != "loss_factor" and max(tangents) == 1 and are_coulomb(scene.laws) and soon
+    return whole and scene.damping_kind != "loss_factor" and are_coulomb(scene.laws) and soon
