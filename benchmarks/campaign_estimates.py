@@ -23,7 +23,7 @@ from pathlib import Path
 import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
 import campaign_scenes
 import numpy as np
-from campaign_truth import FEWER_HARMONICS, HARMONICS, PATH, SAMPLES, Solved
+from campaign_truth import FEWER_HARMONICS, HARMONICS, PATH, Solved
 from mpi4py import MPI
 
 from attrito.library.peak_tracker import Peak, PeakTracker, Start
@@ -32,6 +32,7 @@ from attrito.library.session import Options, Solver
 from attrito.support.errors import NumericsError
 
 FIRST_HARMONICS, FIRST_SAMPLES = 5, 128
+SAMPLES = 2048
 # Errors below are not held against their estimate
 LEAST = 1e-6
 # How far the series that stand for the truth may differ, parts of the error; and what an estimate may miss

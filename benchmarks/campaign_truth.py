@@ -1,13 +1,7 @@
 """The referee of the campaign: the periodic motion near a point, by integration in time from the point's own state.
 
-With one tangent the integration is exact between located events; with two it is by exponential steps, whose number is
-doubled until their extrapolation,
-
-    a = a_2n + (a_2n - a_n)/3,
-
-settles. Where a contact changes its state a step sooner or later two answers may agree by chance, so what is uncertain
-is the larger of the last change and a quarter of the one before. Nothing of the harmonic balance, nor of its estimate,
-enters but the start: displacement, velocity and sliders of the point where its period begins.
+The integration is exact between located events. Nothing of the harmonic balance, nor of its estimate, enters but the
+start: displacement, velocity and sliders of the point where its period begins.
 
 There are three ways to the periodic motion, by integration all but the last:
 
@@ -29,8 +23,7 @@ import os
 import pickle
 import resource
 import time
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import scenes
@@ -45,26 +38,17 @@ from attrito.support.errors import NumericsError
 from attrito_verification.scene_grid.methods import state_of
 
 # Newton's method on the period map: most steps, a step, relative to the motion, that counts as none, halvings of a step
-# that does not lower the change, reduction above which the derivative is made anew; steps of the differences
+# that does not lower the change, reduction above which the derivative is made anew; step of the differences
 MOST_STEPS, SETTLED, MOST_HALVINGS, SLOW = 30, 1e-10, 6, 0.05
-DIFFERENCE, DIFFERENCE_BY_STEPS = 1e-7, 1e-4
-# A last step of this length is accepted where the change does not fall any more: by events that is rounding, by
-# exponential steps the map jumps a little where a contact changes its state a step sooner or later
-NEAR, NEAR_BY_STEPS = 1e-6, 1e-3
-# Exponential steps a period, fewest and most, and the uncertainty at which doubling them ends
-STEPS, MOST_EXPONENTIAL_STEPS, UNCERTAINTY = 512, 32768, 1e-5
+DIFFERENCE = 1e-7
+# A last step of this length is accepted if the change does not fall any more: that is rounding
+NEAR = 1e-6
 # What a truth may be off by, and how far sliders that are kept may have moved, parts of what they can carry
 WORST_UNCERTAINTY, SAME_MEMBER = 1e-3, 0.05
-# Of the time of a way, what a march by steps may take: where it is slow, Newton's method is not
-MARCH_SHARE = 0.4
 # Of a march: periods between two looks, most periods, change a period that counts as none
-LOOK, MOST_PERIODS = 25, 4000
-PERIODICITY, PERIODICITY_BY_STEPS = 1e-8, 1e-7
-# By steps the change may not fall so far. After so many periods a larger one counts as none, and what is left of the
-# approach is then taken for so many times the change: transients with a damping ratio of 0.2 % take 80 periods
-PATIENCE, COARSE_PERIODICITY, SLOW_APPROACH = 400, 1e-5, 80.0
-# Harmonics of the balance that stands in, those it is compared with, samples for two tangents
-HARMONICS, FEWER_HARMONICS, SAMPLES = 60, 40, 2048
+LOOK, MOST_PERIODS, PERIODICITY = 25, 4000, 1e-8
+# Harmonics of the balance that stands in, those it is compared with
+HARMONICS, FEWER_HARMONICS = 60, 40
 PATH = np.array([[0.0], [1.0]])
 
 
@@ -143,7 +127,6 @@ class Referee:
         self._scene, self._seconds = scene, seconds
         self._end = time.process_time() + seconds_in_all
         self._session = Integrator(scene)
-        self._by_events = bool(np.all(scene.laws["tangents"] == 1))
 
     def __enter__(self) -> Referee:
         return self
@@ -154,9 +137,6 @@ class Referee:
     def judge(self, point: Solved, near: float, every: bool = False) -> Verdict:
         """Hold a point against the ways until one is nearer than `near`; against all of them with `every`."""
         ways = (self.shooting, self.march, self.harmonics)
-        if not self._by_events:
-            # The period map of exponential steps is not smooth: Newton's method comes second.
-            ways = (self.march, self.shooting, self.harmonics)
         found: list[Truth] = []
         failures: list[str] = []
         for way in ways:
@@ -182,47 +162,9 @@ class Referee:
 
     def shooting(self, point: Solved) -> Truth:
         """By Newton's method on the period map."""
-        return self._refined(point, self._shoot, self._seconds)
-
-    def march(self, point: Solved) -> Truth:
-        """Period after period."""
-        return self._refined(point, self._march, self._seconds * (1.0 if self._by_events else MARCH_SHARE))
-
-    def harmonics(self, point: Solved) -> Truth:
-        """By many harmonics."""
-        fine, contacts, mean = self._balance_within(point, HARMONICS)
-        coarse, _, _ = self._balance_within(point, FEWER_HARMONICS)
-        kept = contacts["stick"] >= 1.0 - 1e-9
-        shift = self._shift(point, contacts["slider"], kept, contacts["n_mean"])
-        return Truth("harmonics", fine, abs(coarse / fine - 1.0), shift, self._mean_shift(point, mean))
-
-    def _refined(self, point: Solved, way: Callable[..., tuple[Truth, State]], seconds: float) -> Truth:
-        """A way, by events or with steps doubled until they do."""
-        deadline = time.process_time() + seconds
-        if self._by_events:
-            return way(point, point.state, "event", None, deadline)[0]
-        state, steps = point.state, STEPS
-        found: list[Truth] = []
-        best, ended = None, f"{STEPS} to {MOST_EXPONENTIAL_STEPS} steps do not settle"
-        while steps <= MOST_EXPONENTIAL_STEPS and (best is None or best.uncertainty > UNCERTAINTY):
-            try:
-                last, state = way(point, state, "exponential", steps, deadline)
-            except NoTruthError as error:
-                ended = f"{error}, {steps} steps"
-                break
-            found.append(last)
-            best = _extrapolated(found) or best
-            steps *= 2
-        if best is None or best.uncertainty > WORST_UNCERTAINTY:
-            raise NoTruthError(ended)
-        return best
-
-    def _shoot(
-        self, point: Solved, start: State, scheme: str, steps: int | None, deadline: float
-    ) -> tuple[Truth, State]:
-        period = _PeriodMap(self._session, self._scene, point, scheme, steps)
-        near = NEAR if scheme == "event" else NEAR_BY_STEPS
-        at = period.pack(start)
+        deadline = time.process_time() + self._seconds
+        period = _PeriodMap(self._session, self._scene, point)
+        at = period.pack(point.state)
         end, orbit = period(at)
         size, jacobian, fresh = np.linalg.norm(end - at), None, False
         for _ in range(MOST_STEPS):
@@ -251,25 +193,22 @@ class Referee:
                     break
                 jacobian = None
             fresh = False
-        if length > near:
+        if length > NEAR:
             raise NoTruthError(f"shooting: {length:.0e} from a periodic motion")
         moving = period.moving(end - at, orbit)
         multipliers = np.linalg.eigvals(period.differentiate(at, end, moving, deadline))
         multiplier = float(np.abs(multipliers).max())
         state = period.unpack(at)
-        return self._truth("shooting", point, orbit, state.sliders, length, multiplier), state
+        return self._truth("shooting", point, orbit, state.sliders, length, multiplier)
 
-    def _march(
-        self, point: Solved, start: State, scheme: str, steps: int | None, deadline: float
-    ) -> tuple[Truth, State]:
+    def march(self, point: Solved) -> Truth:
+        """Period after period."""
+        deadline = time.process_time() + self._seconds
+        start = point.state
         self._session.start(start.displacement, start.velocity, start.sliders, PATH[-1])
         orbit, stretch, cycles = None, LOOK, 0
-        periodicity = PERIODICITY if scheme == "event" else PERIODICITY_BY_STEPS
         while time.process_time() < deadline and cycles < MOST_PERIODS:
-            if scheme != "event" and cycles >= PATIENCE:
-                periodicity = COARSE_PERIODICITY
-            choices = Run(point.frequency_hz, 1.0, scheme, steps, cycles=stretch, periodicity_tolerance=periodicity,
-                          samples=1)  # fmt: skip
+            choices = Run(point.frequency_hz, 1.0, cycles=stretch, periodicity_tolerance=PERIODICITY, samples=1)
             orbit = self._session.run(choices)
             cycles += orbit.cycles
             if orbit.period:
@@ -279,12 +218,18 @@ class Referee:
             raise NoTruthError(f"march: changes by {orbit.defect if orbit else np.nan:.0e} after {cycles} periods")
         if orbit.period > 1:
             raise NoTruthError(f"march: period {orbit.period}")
-        state = State(*self._session.state())
+        _, _, sliders = self._session.state()
         # What is left of a geometric approach
         left = orbit.defect / max(1.0 - orbit.contraction, 1e-3) if orbit.contraction < 1.0 else orbit.defect
-        if periodicity == COARSE_PERIODICITY:
-            left = max(left, SLOW_APPROACH * orbit.defect)
-        return self._truth("march", point, orbit, state.sliders, left), state
+        return self._truth("march", point, orbit, sliders, left)
+
+    def harmonics(self, point: Solved) -> Truth:
+        """By many harmonics."""
+        fine, contacts, mean = self._balance_within(point, HARMONICS)
+        coarse, _, _ = self._balance_within(point, FEWER_HARMONICS)
+        kept = contacts["stick"] >= 1.0 - 1e-9
+        shift = self._shift(point, contacts["slider"], kept, contacts["n_mean"])
+        return Truth("harmonics", fine, abs(coarse / fine - 1.0), shift, self._mean_shift(point, mean))
 
     def _truth(
         self, how: str, point: Solved, orbit: Orbit, sliders: np.ndarray, defect: float, multiplier: float = np.nan
@@ -337,7 +282,7 @@ class Referee:
         def hear(path: str, _what: object, entry: np.ndarray) -> None:
             heard[path.removeprefix("/contacts/")] = entry
 
-        options = Options(harmonics=harmonics, samples=SAMPLES, by_events=True)
+        options = Options(harmonics=harmonics, by_events=True)
         stored = StoredPoint(point.frequency_hz, point.coordinates, point.slider)
         with Solver(MPI.COMM_SELF, self._scene, options) as solver:
             try:
@@ -370,16 +315,6 @@ def error_of(point: Solved, truth: Truth) -> float:
     return abs(point.amplitude / truth.amplitude - 1.0) if truth.amplitude > 0.0 else float("inf")
 
 
-def _extrapolated(found: list[Truth]) -> Truth | None:
-    """The last of the truths by 1, 2, 4 ... times as many steps, and the part of the steps in it removed."""
-    if len(found) < 3:
-        return None
-    *_, first, second, last = found
-    change, before = last.amplitude - second.amplitude, second.amplitude - first.amplitude
-    uncertain = max(abs(change), 0.25 * abs(before)) / last.amplitude
-    return replace(last, amplitude=last.amplitude + change / 3.0, uncertainty=max(uncertain, last.uncertainty))
-
-
 class _PeriodMap:
     """One period of the integration as a map of states, in parts of the point's motion.
 
@@ -387,10 +322,9 @@ class _PeriodMap:
     mode of stiff contacts is then no greater a change of forces than one in the lowest mode.
     """
 
-    def __init__(self, session: Integrator, scene: ReducedScene, point: Solved, scheme: str, steps: int | None):
+    def __init__(self, session: Integrator, scene: ReducedScene, point: Solved):
         self._session = session
-        self._choices = Run(point.frequency_hz, 1.0, scheme, steps, cycles=0, samples=1)
-        self._difference = DIFFERENCE if scheme == "event" else DIFFERENCE_BY_STEPS
+        self._choices = Run(point.frequency_hz, 1.0, cycles=0, samples=1)
         stuck = scenes.stuck_system(scene)
         natural = 2.0 * np.pi * stuck.frequencies_hz
         omega = 2.0 * np.pi * point.frequency_hz
@@ -442,6 +376,6 @@ class _PeriodMap:
             if time.process_time() > deadline:
                 raise NoTruthError("shooting: out of time")
             nearby = at.copy()
-            nearby[unknown] += self._difference
-            columns.append((self(nearby)[0] - end)[moving] / self._difference)
+            nearby[unknown] += DIFFERENCE
+            columns.append((self(nearby)[0] - end)[moving] / DIFFERENCE)
         return np.array(columns).T

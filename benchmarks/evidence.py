@@ -19,7 +19,6 @@ from attrito.library.reduced_scene import ReducedScene
 FOUND = ("period_one", "settling", "nearly")
 NEARLY = 1e-3
 SETTLING = 0.05
-STEPS = 512
 TOLERANCE = 1e-7
 # Periods between two looks, and how much alike steps of a period that far apart are of a motion that walks.
 LOOK = 25
@@ -29,7 +28,7 @@ SAMPLES = 256
 
 
 def march(scene: ReducedScene, frequency_hz: float, level: float, cycles: int = 400, seconds: float = 20.0) -> dict:
-    """Evidence at one point: one tangent by located events, two by exact steps of the stuck modes.
+    """Evidence at one point.
 
     `seconds`: of the processor; a march is looked at every LOOK cycles, later less often, and given up beyond.
     """
@@ -42,19 +41,16 @@ def march_on(
     integrator: Integrator, scene: ReducedScene, frequency_hz: float, level: float, cycles: int, seconds: float
 ) -> tuple[dict, Orbit]:
     """The same from where the integrator stands, and the last orbit."""
-    scheme = "event" if np.all(scene.laws["tangents"] == 1) else "exponential"
     started, marched, stretch = time.process_time(), 0, LOOK
     steps = [np.zeros(integrator.size)]
     while True:
         stretch = min(stretch, cycles - marched)
-        orbit = integrator.run(
-            Run(frequency_hz, level, scheme, STEPS, cycles=stretch, periodicity_tolerance=TOLERANCE, samples=64)
-        )
+        orbit = integrator.run(Run(frequency_hz, level, cycles=stretch, periodicity_tolerance=TOLERANCE, samples=64))
         marched += orbit.cycles
         spent = time.process_time() - started
         steady = orbit.outcome == "converged" or orbit.period > 1
         if not steady:
-            one_period = Run(frequency_hz, level, scheme, STEPS, cycles=1, samples=SAMPLES)
+            one_period = Run(frequency_hz, level, cycles=1, samples=SAMPLES)
             step, amplitude = one_more(integrator, scene, one_period)
             steps.append(step)
         walking = not steady and walks(steps)

@@ -45,17 +45,9 @@ BASE = (200.0 * np.pi) ** 2
 NEAR_STEPS = 2
 TOLERANCE = 0.01
 VERDICTS = {0: "unstable", 1: "stable", 2: "indeterminate", -1: "not_examined"}
-# Steps of a period of motion in time where contacts have two tangents: the exponential scheme is of second order.
-STEPS = 2048
-# Times as many steps of a period by which motion in time must contradict a verdict, too.
-FINER = 4
 # Perturbation of the orbit, part of its amplitude; periods before its growth counts, and at most; growth that decides.
-# Perturbations that move switches by less than a step of the exponential scheme see the steps and not the motion.
-PERTURBATION = {1: 1e-6, 2: 3e-4}
-SETTLED = {1: 1e-11, 2: 1e-9}
-TRANSIENT = {1: 40, 2: 25}
-PERIODS = {1: 1500, 2: 300}
-DECIDES = {1: np.log(20.0), 2: np.log(5.0)}
+PERTURBATION, SETTLED = 1e-6, 1e-11
+TRANSIENT, PERIODS, DECIDES = 40, 1500, np.log(20.0)
 # Longest step of Newton's method, part of the amplitude: beside a fold there are two orbits.
 LONGEST_STEP = 0.03
 # Of a perturbation that is gone within a period: what is left of it is the error of the orbit.
@@ -184,12 +176,11 @@ class PeriodMap:
     of slip; else the slider follows the motion.
     """
 
-    def __init__(self, scene: ReducedScene, frequency_hz: float, integrator: Integrator, steps: int = STEPS):
+    def __init__(self, scene: ReducedScene, frequency_hz: float, integrator: Integrator):
         self._scene, self._integrator = scene, integrator
         self.tangents = int(scene.laws["tangents"].max())
-        scheme = "event" if self.tangents == 1 else "exponential"
         # Without cycles to settle in: the one period that is recorded.
-        self.run = Run(frequency_hz, 1.0, scheme, steps, cycles=0, max_period_multiple=1, samples=1)
+        self.run = Run(frequency_hz, 1.0, cycles=0, max_period_multiple=1, samples=1)
         self._regimes: list[int] = []
 
     def start(self, coordinates: np.ndarray, frequency_hz: float, slider: np.ndarray) -> np.ndarray:
@@ -282,10 +273,10 @@ def shoot(period: PeriodMap, x: np.ndarray, amplitude: float) -> np.ndarray | No
     for _ in range(25):
         try:
             away = period.one_period(x) - x
-            if np.linalg.norm(away) < SETTLED[period.tangents] * amplitude:
+            if np.linalg.norm(away) < SETTLED * amplitude:
                 return x
             jacobian = np.empty((len(x), len(x)))
-            step = 0.1 * PERTURBATION[period.tangents] * amplitude
+            step = 0.1 * PERTURBATION * amplitude
             for k in range(len(x)):
                 moved = x.copy()
                 moved[k] += step
@@ -297,7 +288,7 @@ def shoot(period: PeriodMap, x: np.ndarray, amplitude: float) -> np.ndarray | No
         if not size < 10.0:
             return None
         x = x + correction * min(1.0, LONGEST_STEP / max(size, 1e-300))
-    return x if np.linalg.norm(away) < 1e3 * SETTLED[period.tangents] * amplitude else None
+    return x if np.linalg.norm(away) < 1e3 * SETTLED * amplitude else None
 
 
 def in_time(period: PeriodMap, orbit: np.ndarray, amplitude: float, rng: np.random.Generator) -> str:
@@ -307,28 +298,28 @@ def in_time(period: PeriodMap, orbit: np.ndarray, amplitude: float, rng: np.rand
     slowly remains (Benettin et al. 1980, doi:10.1007/BF02128236); its growth adds up after the first TRANSIENT periods.
     """
     free = period.not_held(orbit)
-    size, growth = PERTURBATION[period.tangents] * amplitude, 0.0
+    size, growth = PERTURBATION * amplitude, 0.0
     push = np.where(free, rng.normal(size=len(orbit)), 0.0)
-    for count in range(PERIODS[period.tangents]):
+    for count in range(PERIODS):
         push *= size / np.linalg.norm(push)
         push = np.where(free, period.one_period(orbit + push) - orbit, 0.0)
         if np.linalg.norm(push) < FADED * size:
             return "comes_back"
-        if count < TRANSIENT[period.tangents]:
+        if count < TRANSIENT:
             continue
         growth += np.log(np.linalg.norm(push) / size)
-        if abs(growth) > DECIDES[period.tangents]:
+        if abs(growth) > DECIDES:
             return "leaves" if growth > 0.0 else "comes_back"
     return "slow"
 
 
-def check(scene: ReducedScene, one: Examined, rng: np.random.Generator, steps: int = STEPS) -> tuple[str, float]:
-    """What motion in time of so many steps a period says of a point, and how far its orbit lies from the balance's."""
+def check(scene: ReducedScene, one: Examined, rng: np.random.Generator) -> tuple[str, float]:
+    """What motion in time says of a point, and how far its orbit lies from the balance's."""
     amplitude = float(np.linalg.norm(one.point.amplitude))
     frequency = one.point.frequency_hz
     m2 = 2 * len(scene.mass)
     with Integrator(scene) as integrator:
-        period = PeriodMap(scene, frequency, integrator, steps)
+        period = PeriodMap(scene, frequency, integrator)
         balance = period.start(one.coordinates, frequency, one.slider)
         try:
             orbit = shoot(period, balance, amplitude)
@@ -389,9 +380,6 @@ def rows_of(seed: int, tangents: int, arguments: argparse.Namespace) -> list[Row
     rows = []
     for i, one in (near[k] for k in sorted(chosen)):
         answer, far = check(scene, one, rng)
-        if is_wrong(one.verdict, answer) and tangents == 2:
-            # The steps of motion in time have an error, too.
-            answer, far = check(scene, one, rng, FINER * STEPS)
         wrong = is_wrong(one.verdict, answer)
         rows.append(
             Row(

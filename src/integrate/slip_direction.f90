@@ -2,9 +2,9 @@
 !>
 !> $$ r \phi' = u' \cdot e_\perp, \qquad e' = \phi' e_\perp, \qquad e_\perp = (-\sin \phi, \cos \phi) $$
 !>
-!> Its equation of order k - 1 gives phi_k, for the last of its terms is k r_0 phi_k. If the contact lands, r_0 = 0, and e begins along
-!> u': the equation of order k gives phi_k, since e_perp depends on it: (k r_1 + u_1.e_0) phi_k = ... So it does, with r = 0, for a
-!> disc so small that the slider follows u' at once: just before a contact opens, or with next to no friction.
+!> Its equation of order k - 1 gives phi_k, for the last of its terms is k r_0 phi_k. If the contact lands, r_0 = 0, and e begins
+!> along u': the equation of order k gives phi_k, since e_perp depends on it: (k r_1 + u_1.e_0) phi_k = ... So it does, with r = 0,
+!> for a disc so small that the slider follows u' at once: just before a contact opens, or with next to no friction.
 module attrito_integrate_slip_direction
   use attrito_core_kinds, only: wp
   implicit none
