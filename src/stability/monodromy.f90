@@ -57,7 +57,8 @@ contains
       associate (segment => orbit%segment(i))
         if (i > 1) call change_regimes(reduced, orbit%segment(i - 1), segment, flow, now)
         flow = new_segment_flow(reduced, segment)
-        fraction = min(1.0_wp, (end - segment%from)/max(segment%length, tiny(1.0_wp)))
+        fraction = 1.0_wp
+        if (segment%length > end - segment%from) fraction = (end - segment%from)/segment%length
         call pass(reduced, flow, segment, fraction, segment%length/two_pi*period, now)
       end associate
     end do
