@@ -55,8 +55,9 @@ module attrito_integrate_recorder
     integer, allocatable :: regime(:, :)
     !> Modal displacement at the samples [m, room]; not allocated unless wanted
     real(wp), allocatable :: trajectory(:, :)
-    !> Event-exact integration: keep a trace of every stretch between events
+    !> Event-exact integration: keep a trace of every stretch between events, so many so far [room]
     logical :: traces = .false.
+    integer :: stretches = 0
     type(trace_type), allocatable :: trace(:)
   end type recorder_type
 
@@ -116,7 +117,7 @@ contains
     real(wp) :: dv
     integer :: i, last, n
 
-    last = size(self%trace)
+    last = self%stretches
     trace%slips = slips_of(system, segment)
     if (last > 0 .and. size(trace%slips) == 0) then
       if (size(self%trace(last)%slips) == 0 .and. all(self%trace(last)%regime == segment%regime) .and. &
@@ -142,8 +143,20 @@ contains
         trace%to(:, i) = [cos(trace%to(1, i)), sin(trace%to(1, i))]
       end associate
     end do
-    self%trace = [self%trace, trace]
+    if (last == size(self%trace)) call make_room(self)
+    self%stretches = last + 1
+    self%trace(last + 1) = trace
   end subroutine keep_trace
+
+  !> For twice as many stretches.
+  pure subroutine make_room(self)
+    type(recorder_type), intent(inout) :: self
+    type(trace_type), allocatable :: larger(:)
+
+    allocate (larger(2*size(self%trace) + 16))
+    larger(:size(self%trace)) = self%trace
+    call move_alloc(larger, self%trace)
+  end subroutine make_room
 
   !> What the linearised flow needs of contacts that slip along two tangents.
   pure function slips_of(system, segment) result(slips)

@@ -57,7 +57,7 @@ contains
       periodic = all(abs(state%slider - before) <= no_change*maxval([0.0_wp, high - low]))
       if (periodic) exit
     end do
-    call segments_of_trace(law, [(of_all(recorder%trace(i), moving, size(law)), i=1, size(recorder%trace))], two_pi, segments)
+    call segments_of_trace(law, [(of_all(recorder%trace(i), moving, size(law)), i=1, recorder%stretches)], two_pi, segments)
   end subroutine segments_of_motion
 
   !> The motion as that of a system in time, at the start of its period.

@@ -96,7 +96,7 @@ contains
     converged = all(abs(state%motion) < huge(1.0_wp))
     if (.not. converged) return
     if (present(trajectory)) trajectory = recorder%trajectory
-    call segments_of_trace(system%law, recorder%trace, loading%period, self%segments)
+    call segments_of_trace(system%law, recorder%trace(:recorder%stretches), loading%period, self%segments)
     call describe(self, system)
   end subroutine march
 
