@@ -19,6 +19,8 @@ module attrito_integrate_recorder
     integer :: contact = 0
     !> Does the contact land where it begins, r = 0?
     logical :: lands = .false.
+    !> Is the disc so small that the slider follows u' at once?
+    logical :: small = .false.
     real(wp), allocatable :: radius(:), e(:, :), turn(:), along(:)
   end type slip_series_type
 
@@ -182,8 +184,10 @@ contains
       associate (law => system%law(i), first => system%law(i)%first_row, slip => slips(s), e => segment%direction)
         slip%contact = i
         slip%lands = segment%lands(i)
+        slip%small = segment%small(i)
         allocate (slip%radius(0:n), slip%turn(0:n), slip%along(0:n), slip%e(0:n, 2))
         slip%radius = powers*segment%radius(:, i)
+        if (slip%small) slip%radius = powers*law%friction_coefficient/law%tangential_stiffness*segment%force(:, first + 2)
         slip%e = spread(powers, 2, 2)*e(:, :, i)
         slip%turn = derivative(powers*segment%angle(:, i))
         slip%along = product_of(derivative(powers*segment%displacement(:, first)), slip%e(:, 1)) &

@@ -11,8 +11,9 @@ module attrito_integrate_slip_direction
   private
   public :: has_just_landed, follows_at_once, extend_direction
 
-  !> Time over which a direction turns to u', r/|u'|, that counts as none, in units of the clock: friction is wrong by its square
-  real(wp), parameter :: at_once = 1.0e-4_wp ! derived
+  !> Time over which a direction turns to u', r/|u'|, that counts as none, in units of the clock; and what that may change of the
+  !> slider, as a part of |u'|: friction jumps by it, and so does the linearised flow
+  real(wp), parameter :: at_once = 1.0e-4_wp, no_jump = 1.0e-8_wp ! derived
   !> Time since N = 0, or until then, that counts as none
   real(wp), parameter :: no_time = 1.0e-11_wp ! derived
 
@@ -27,11 +28,14 @@ contains
   end function has_just_landed
 
   !> Does the slider follow along u' at once, now and for some time?
-  pure logical function follows_at_once(radius, growth, rate)
-    !> r, r', u'
-    real(wp), intent(in) :: radius, growth, rate(2)
+  pure logical function follows_at_once(radius, growth, rate, angle)
+    !> r, r', u', phi
+    real(wp), intent(in) :: radius, growth, rate(2), angle
+    real(wp) :: aside
 
-    follows_at_once = max(radius, growth) < at_once*norm2(rate) .or. radius < -no_time*growth
+    aside = radius*abs(rate(2)*cos(angle) - rate(1)*sin(angle))
+    follows_at_once = (max(radius, growth) < at_once*norm2(rate) .and. aside <= no_jump*dot_product(rate, rate)) &
+                      .or. radius < -no_time*growth
   end function follows_at_once
 
   !> Coefficient k of the direction; those before are known, the first is given as an angle.

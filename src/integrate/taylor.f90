@@ -94,7 +94,7 @@ contains
         growth = law%friction_coefficient/law%tangential_stiffness*law%normal_stiffness* &
                  dot_product(state%rate, system%rows(:, law%first_row + 2))
         segment%lands(i) = state%zeros(2, i) > 0 .or. has_just_landed(radius, growth, rate)
-        segment%small(i) = .not. segment%lands(i) .and. follows_at_once(radius, growth, rate)
+        segment%small(i) = .not. segment%lands(i) .and. follows_at_once(radius, growth, rate, state%angle(i))
         if (.not. segment%small(i)) cycle
         segment%lands(i) = .true.
         segment%angle(0, i) = atan2(rate(2), rate(1))

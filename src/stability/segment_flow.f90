@@ -169,6 +169,12 @@ contains
       do k = 0, most_terms
         displacement = matmul(transpose(self%output_map), term)
         if (k == 0) displacement = displacement - matmul(reduced%residual(self%active, self%held), held)
+        do s = 1, size(slips)
+          if (.not. slips(s)%small) cycle
+          associate (rows => system%rows(:, self%active(self%first(slips(s)%contact)):self%active(self%first(slips(s)%contact)) + 2))
+            call slips(s)%follow(k, matmul(transpose(rows), term), matmul(transpose(rows), next))
+          end associate
+        end do
         call respond(self, reduced, slips, k, displacement, force)
         after = -matmul(self%input_map, force(self%forced, :)) - spread(system%eigenvalues, 2, size(scale))*term
         if (k == 0) after = after - matmul(self%held_map, held)

@@ -4,7 +4,8 @@
 !>    \qquad \delta T = \mu k_n \, \delta v \, e + k_t \, \psi \, e_\perp $$
 !>
 !> Coefficient k of psi is what follows from all before it and c_k e_perp.du_k: c = 1, and where the contact lands, r_0 = 0, the
-!> equation of order k - 1 gives dphi_{k-1}, and c_k = k r_1/((k - 1) r_1 + u_0'.e_0).
+!> equation of order k - 1 gives dphi_{k-1}, and c_k = k r_1/((k - 1) r_1 + u_0'.e_0). A slider that follows u' at once has no term
+!> r dphi', and psi, next to nothing, from displacements without what high modes at rest add.
 module attrito_stability_slip_perturbation
   use attrito_core_kinds, only: wp
   use attrito_integrate_recorder, only: slip_series_type
@@ -16,7 +17,7 @@ module attrito_stability_slip_perturbation
   type :: slip_perturbation_type
     !> Number of the contact
     integer :: contact = 0
-    logical :: lands = .false.
+    logical :: lands = .false., small = .false.
     !> k_t, mu k_n and dr/dv
     real(wp) :: stiffness = 0.0_wp, friction = 0.0_wp, slope = 0.0_wp
     !> Coefficients of r, e, e_perp, phi' and u'.e [0:n]
@@ -27,6 +28,7 @@ module attrito_stability_slip_perturbation
     real(wp), allocatable :: known(:)
   contains
     procedure :: coefficient
+    procedure :: follow
     procedure :: known_force
     procedure :: add
   end type slip_perturbation_type
@@ -55,6 +57,7 @@ contains
     end do
     self%contact = slip%contact
     self%lands = slip%lands
+    self%small = slip%small
     self%stiffness = law%tangential_stiffness
     self%friction = law%friction_coefficient*law%normal_stiffness
     self%slope = self%friction/self%stiffness
@@ -65,7 +68,7 @@ contains
     allocate (self%across(0:ubound(powers, 1), 2))
     self%across(:, 1) = -self%e(:, 2)
     self%across(:, 2) = self%e(:, 1)
-    allocate (self%du(size(psi), 0:terms, 2), self%dv(size(psi), 0:terms), self%dphi(size(psi), 0:terms), &
+    allocate (self%du(size(psi), 0:terms + 1, 2), self%dv(size(psi), 0:terms), self%dphi(size(psi), 0:terms), &
               self%psi(size(psi), 0:terms), source=0.0_wp)
     self%known = psi
     if (self%lands .or. self%radius(0) <= 0.0_wp) self%known = 0.0_wp
@@ -77,9 +80,35 @@ contains
     !> Order
     integer, intent(in) :: k
 
-    coefficient = merge(1.0_wp, 0.0_wp, k > 0 .and. self%radius(0) > 0.0_wp)
-    if (k > 0 .and. self%lands) coefficient = k*self%radius(1)/((k - 1)*self%radius(1) + self%along(0))
+    coefficient = merge(1.0_wp, 0.0_wp, k > 0 .and. self%radius(0) > 0.0_wp .and. .not. self%small)
+    if (k > 0 .and. self%lands .and. .not. self%small) coefficient = k*self%radius(1)/((k - 1)*self%radius(1) + self%along(0))
   end function coefficient
+
+  !> Coefficient k of dphi and psi if the slider follows at once.
+  pure subroutine follow(self, k, displacement, ahead)
+    class(slip_perturbation_type), intent(inout) :: self
+    !> Order
+    integer, intent(in) :: k
+    !> Coefficients k and k + 1 of the displacements of both tangents and the normal [3, columns]
+    real(wp), intent(in) :: displacement(:, :), ahead(:, :)
+    integer :: j, n
+
+    n = ubound(self%radius, 1)
+    self%du(:, k, :) = transpose(displacement(:2, :))
+    self%du(:, k + 1, :) = transpose(ahead(:2, :))
+    self%dv(:, k) = displacement(3, :)
+    self%dphi(:, k) = 0.0_wp
+    do j = max(0, k - n), k
+      self%dphi(:, k) = self%dphi(:, k) - self%slope*self%turn(k - j)*self%dv(:, j) &
+                        + (j + 1)*(self%across(k - j, 1)*self%du(:, j + 1, 1) + self%across(k - j, 2)*self%du(:, j + 1, 2))
+      if (j < k) self%dphi(:, k) = self%dphi(:, k) - self%along(k - j)*self%dphi(:, j)
+    end do
+    self%dphi(:, k) = self%dphi(:, k)/self%along(0)
+    self%known = 0.0_wp
+    do j = max(0, k - n), k
+      self%known = self%known + self%radius(k - j)*self%dphi(:, j)
+    end do
+  end subroutine follow
 
   !> Force of order k but for the parts of du_k and dv_k [columns, 2]; finds psi_k as far as it is known.
   pure subroutine known_force(self, k, force)
@@ -90,7 +119,7 @@ contains
     real(wp), intent(out) :: force(:, :)
     integer :: a, j
 
-    if (k > 0) call find_known(self, k)
+    if (k > 0 .and. .not. self%small) call find_known(self, k)
     do a = 1, 2
       force(:, a) = self%stiffness*self%across(0, a)*self%known
       do j = max(0, k - ubound(self%radius, 1)), k - 1
@@ -144,6 +173,7 @@ contains
     self%dv(:, k) = displacement(3, :)
     part = self%coefficient(k)*(self%across(0, 1)*displacement(1, :) + self%across(0, 2)*displacement(2, :))
     self%psi(:, k) = self%known + part
+    if (self%small) return
     if (self%lands) then
       if (k > 0) self%dphi(:, k - 1) = self%dphi(:, k - 1) + k/((k - 1)*self%radius(1) + self%along(0))* &
         (self%across(0, 1)*displacement(1, :) + self%across(0, 2)*displacement(2, :))
