@@ -32,7 +32,6 @@ class Rules:
     has_events : whether it goes by events, not by samples
     by_pressure : whether the friction coefficient is a table by pressure
     one_element : whether a contact has one slider, as integration in time needs, or several in parallel
-    two_tangents : whether contacts may have two tangents
     """
 
     own: dict[str, tuple[str, ...]] = field(default_factory=dict)
@@ -41,7 +40,6 @@ class Rules:
     has_events: bool = True
     by_pressure: bool = False
     one_element: bool = True
-    two_tangents: bool = True
 
 
 def _pressure_numbers(keys: Keys, area: float) -> list[float]:
@@ -69,7 +67,6 @@ RULES = {
         needs={"chi": "a number above -1, below 0", "beta": "a number of at least 0"},
         numbers=_iwan_numbers,
         one_element=False,
-        two_tangents=False,
     ),
 }
 
@@ -118,9 +115,6 @@ def _check_keys(job: Job, name: str, place: str, keys: Keys) -> list[Fault]:
     if friction is not None and isinstance(friction, list) != by_pressure:
         expected = f'{"[[pressure, coefficient], ...]" if by_pressure else "a number"} with law = "{law}"'
         faults.append(job.fault(f"{place} friction_coefficient", friction, expected))
-    tangents = len(keys["tangents"] or []) if name == "contact" else keys["tangents"]
-    if tangents == 2 and not RULES[law].two_tangents:
-        faults.append(job.fault(f"{place} tangents", 2, f'one tangent with law = "{law}"'))
     for other, rules in RULES.items():
         for key in (*rules.own.get(name, ()), *rules.own.get("", ())):
             if other != law and keys[key] is not None:

@@ -45,7 +45,7 @@ LAW = {
         choice(*LAWS),
         LAWS[0],
         "`\"pressure\"`: mu depends on the pressure N/A, A a pair's tributary area or a contact's `area`; by samples;"
-        ' `"iwan"`: sliders in parallel, F_S = mu N and K_T = kt, on one tangent ([method.md](method.md#contact-laws))',
+        ' `"iwan"`: sliders in parallel, F_S = mu N and K_T = kt ([method.md](method.md#contact-laws))',
     ),
     "chi": Key(
         number(-1, 0, above=True, below=True),
