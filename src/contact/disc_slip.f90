@@ -4,7 +4,8 @@
 !> there. Lengths of panels follow their error, which goes with the power s of the length.
 module attrito_contact_disc_slip
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
+  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, leave_rim
   use attrito_contact_panel_rule, only: panel_rule_type
   use attrito_contact_slip_gradient, only: differentiate_panel
@@ -70,7 +71,7 @@ contains
         end if
         theta = theta + max(length, 0.0_wp)
         call record%add_interval(theta, regime_slip, state)
-        call leave_rim(motion, theta, record%by_motion, state)
+        call leave_rim(motion, theta, record%by_motion, .false., state)
         return
       end if
       call keep()

@@ -6,13 +6,12 @@
 module attrito_contact_evaluation
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_disc_motion, only: disc_rules_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_parallel_elements, only: begin_sum, add_element, complete_sum
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_passing_period, only: evaluate_passing_period
   use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples, contact_samples_type, sample_contact
   use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
@@ -30,6 +29,8 @@ module attrito_contact_evaluation
     type(trigonometric_grid_type) :: grid
     !> Two tangents: the same, and panels of slip
     type(disc_rules_type) :: discs
+    !> Order of radii over that of motions: 2 where a law bends them
+    integer :: order = 1
   end type quadrature_type
 
 contains
@@ -41,7 +42,7 @@ contains
     !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
 
-    goes_by_events = quadrature%by_events .and. law%has_events()
+    goes_by_events = quadrature%by_events
   end function goes_by_events
 
   !> May samples have to serve a contact? Those of two tangents do where a period passes, and where panels of slip become too short.
@@ -126,12 +127,8 @@ contains
     logical :: done
 
     forces%closed_here = .false.
-    if (allocated(forces%mean_before)) then
-      call evaluate_passing_period(law, quadrature%fourier, motion, slider, forces)
-      return
-    end if
     done = .false.
-    if (goes_by_events(law, quadrature)) then
+    if (goes_by_events(law, quadrature) .or. allocated(forces%mean_before)) then
       if (law%tangents == 1) then
         call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
         done = .true.

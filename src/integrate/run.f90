@@ -136,7 +136,7 @@ contains
     if (any(system%law%tangents > 1)) then
       call raise(error, 'scheme event: contacts with two tangents have no closed form in slip: expected scheme exponential', &
                  fault_of_input)
-    else if (.not. all(system%law%has_events())) then
+    else if (.not. all(system%law%is_proportional())) then
       call raise(error, 'scheme event: a contact law that is not proportional to the normal force has no closed form in slip:'// &
                  ' expected another scheme', fault_of_input)
     end if

@@ -199,13 +199,6 @@ def chain(contacts: int = 3, tangents: int = 1) -> Job:
     }
 
 
-def by_samples(job: Job) -> Job:
-    """The job with one coefficient for all pressures: the same friction, by a law that goes by samples."""
-    for contact in job["contact"]:
-        contact |= {"law": "pressure", "friction_coefficient": [[1.0, contact["friction_coefficient"]]], "area": 1.0}
-    return job
-
-
 def write_blocks(path: Path, *, floating: bool = False, **sets: list[int]) -> Model:
     """A model file: two boxes, one on the other, on springs; sets `top` and `bottom` meet, `tip` is one node.
 

@@ -2,7 +2,7 @@
 module random_discs
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_disc_motion, only: disc_rules_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use scenes, only: noise

@@ -1,9 +1,10 @@
 !> Contact forces of two tangents by events: against samples that converge to them, finer panels, one tangent, and differences.
 program test_disc_events
   use attrito_core_errors, only: error_type
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: wp, pi
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_disc_motion, only: disc_rules_type, new_disc_rules, new_rough_rules
+  use attrito_contact_disc_motion, only: disc_motion_type, new_disc_motion
+  use attrito_contact_disc_rules, only: disc_rules_type, new_disc_rules, new_rough_rules
   use attrito_contact_forces, only: contact_forces_type, released
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
@@ -19,6 +20,7 @@ program test_disc_events
                 test('samples converge to the events, in contact and through landing', samples_converge), &
                 test('usual panels have the forces of fine ones to 1e-8, of 200 random motions', usual_panels), &
                 test('forces beyond the motion''s own harmonics are those of fine panels', forces_beyond), &
+                test('instants of a normal force are found, a close pair in one step of the grid, too', crossings), &
                 test('rough rules have the forces of fine ones to three digits', rough_rules), &
                 test('along a line they are those of one tangent to rounding', one_tangent), &
                 test('a contact that slips has the Jacobian of differences', slipping), &
@@ -115,6 +117,38 @@ contains
       call check_close(error, usual%deviation, fine%deviation, 1.0e-5_wp*maxval(abs(fine%deviation)), 'deviation')
     end do
   end subroutine forces_beyond
+
+  !> A cosine from the middle of a step of the grid, so that its maximum is between two points.
+  subroutine crossings(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(disc_rules_type) :: rules(2)
+    type(disc_motion_type) :: disc
+    real(wp) :: motion(3, 3), middle, angle, tolerance
+    real(wp), allocatable :: found(:)
+    integer :: i, n
+
+    rules = [new_disc_rules(1), new_rough_rules(1)]
+    do n = 1, 2
+      motion = 0.0_wp
+      disc = new_disc_motion(law, rules(n), motion)
+      middle = 0.5_wp*disc%step
+      motion(2:3, 3) = [cos(middle), sin(middle)]
+      disc = new_disc_motion(law, rules(n), motion)
+      call disc%sample_slopes(rules(n))
+      do i = 1, 30
+        ! The last pairs lie in one step.
+        angle = 0.44_wp*disc%step*1.1_wp**(30 - i)
+        found = modulo(disc%crossings(rules(n), disc%slope*cos(angle)) - middle + pi, 2.0_wp*pi) - pi
+        call check(error, size(found) == 2, 'two roots')
+        if (allocated(error)) return
+        ! Cubics err by step^4/384, roots by that over the slope.
+        tolerance = merge(1.0e-14_wp, disc%step**4/384.0_wp, n == 1)/sin(angle)
+        call check_close(error, [minval(found), maxval(found)], [-angle, angle], tolerance, 'roots')
+      end do
+      call check(error, size(disc%crossings(rules(n), 1.001_wp*disc%slope)) == 0, 'a pair that just misses')
+    end do
+    call rules(2)%destroy()
+  end subroutine crossings
 
   !> Harmonics of the motion beyond h come to 1e-7 of it, so that they are left out.
   subroutine rough_rules(error)

@@ -35,7 +35,7 @@ end module laws_in_parallel
 program test_parallel_elements
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: new_disc_rules
+  use attrito_contact_disc_rules, only: new_disc_rules
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact, sample_forces
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_fourier, only: new_fourier

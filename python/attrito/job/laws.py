@@ -5,7 +5,7 @@ A contact law has one entry in `RULES`, by its name in `attrito.library.names.LA
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,7 +29,7 @@ class Rules:
     own : keys that only contacts of this law have, by table name or for both ("")
     needs : of these what is expected where one is missing; others may be
     numbers : what the library makes the law of, in the order of its constructor there, from the keys and a pair's area
-    has_events : whether it goes by events, not by samples
+    is_proportional : whether the limit of friction is proportional to N, as stability and events in time need
     by_pressure : whether the friction coefficient is a table by pressure
     one_element : whether a contact has one slider, as integration in time needs, or several in parallel
     """
@@ -37,7 +37,7 @@ class Rules:
     own: dict[str, tuple[str, ...]] = field(default_factory=dict)
     needs: dict[str, str] = field(default_factory=dict)
     numbers: Callable[[Keys, float], list[float]] = lambda keys, area: []
-    has_events: bool = True
+    is_proportional: bool = True
     by_pressure: bool = False
     one_element: bool = True
 
@@ -59,7 +59,7 @@ RULES = {
         own={"contact": ("area",)},
         needs={"area": "the contact area"},
         numbers=_pressure_numbers,
-        has_events=False,
+        is_proportional=False,
         by_pressure=True,
     ),
     "iwan": Rules(
@@ -71,7 +71,7 @@ RULES = {
 }
 
 
-def laws_of(job: Job | Mapping[str, Any]) -> dict[str, str]:
+def laws_of(job: Job) -> dict[str, str]:
     """Laws of a job's contacts by the keys that ask for them."""
     keys = {f"{name}[{i}] law": keys.get("law") for name in TABLES for i, keys in enumerate(job[name])}
     return {key: law for key, law in keys.items() if law is not None}
@@ -82,9 +82,9 @@ def laws_beside_coulomb(job: Job) -> dict[str, str]:
     return {key: law for key, law in laws_of(job).items() if law != "coulomb"}
 
 
-def laws_by_samples(job: Job | Mapping[str, Any]) -> dict[str, str]:
-    """Contact laws without events, by the keys that ask for them."""
-    return {key: law for key, law in laws_of(job).items() if not RULES[law].has_events}
+def laws_not_proportional(job: Job) -> dict[str, str]:
+    """Contact laws whose limit is no multiple of the normal force, by the keys that ask for them."""
+    return {key: law for key, law in laws_of(job).items() if not RULES[law].is_proportional}
 
 
 def laws_in_parallel(job: Job) -> dict[str, str]:
