@@ -12,12 +12,12 @@ module attrito_contact_evaluation
   use attrito_contact_parallel_elements, only: begin_sum, add_element, complete_sum
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples, contact_samples_type, sample_contact
+  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
   use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
-  public :: quadrature_type, evaluate_contact, goes_by_events, may_need_samples, sample_forces
+  public :: quadrature_type, evaluate_contact, goes_by_events, may_need_samples
 
   !> What evaluations of all contacts share
   type :: quadrature_type
@@ -139,34 +139,4 @@ contains
     ! A panel of slip that would have to be shorter than rounding leaves the contact to samples.
     if (.not. done) call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
   end subroutine evaluate_element
-
-  !> Displacement and force of a contact at samples of a period, all elements together.
-  subroutine sample_forces(law, fourier, motion, slider, passes, displacement, force)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> Transforms between coefficients and samples
-    type(fourier_type), intent(in) :: fourier
-    !> Coefficients of relative displacement [k, tangents + 1]
-    real(wp), intent(in) :: motion(:, :)
-    !> Sliders at the start of the first march, in pairs, one an element [at least 2 elements]
-    real(wp), intent(in) :: slider(:)
-    !> Marches over the period
-    integer, intent(in) :: passes
-    !> [J, tangents + 1]
-    real(wp), intent(out) :: displacement(:, :), force(:, :)
-    type(contact_samples_type), allocatable :: samples
-    integer :: i, n
-
-    n = law%tangents
-    force = 0.0_wp
-    do i = 1, law%elements()
-      allocate (samples)
-      samples%without_gradients = .true.
-      call sample_contact(law%element(i), fourier, motion, slider(2*i - 1:2*i), passes, samples)
-      displacement = samples%displacement
-      force(:, :n) = force(:, :n) + samples%force(:, :n)
-      force(:, n + 1) = samples%force(:, n + 1)
-      deallocate (samples)
-    end do
-  end subroutine sample_forces
 end module attrito_contact_evaluation

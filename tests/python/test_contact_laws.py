@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from jobs import attrito, chain, run, table, wedge, write_job
 
-from attrito.library.kernels import sample_contact
+from attrito.library.kernels import contact_at_instants
 from attrito.library.structures import make_law
 
 # The wedge's normal force is some 23 +- 11 N: over an area of 2 the pressures below are all met.
@@ -56,13 +56,13 @@ def test_the_balance_has_the_amplitude_of_integration_in_time(tmp_path: Path) ->
     assert abs(float(balance["x_amplitude"]) / plain - 1.0) > 1e-2, "Coulomb's law gives the same: the test is void"
 
 
-def test_slip_takes_the_friction_of_the_pressure_at_every_sample() -> None:
+def test_slip_takes_the_friction_of_the_pressure_at_every_instant() -> None:
     laws = {name: np.ones(1) for name in ("tangential_stiffness", "normal_stiffness", "friction_coefficient")}
     laws |= {"tangents": np.ones(1, dtype=np.int32), "gap": np.zeros(1), "preload": np.zeros(1)}
     laws |= {"law": np.ones(1, dtype=np.int32), "law_numbers": np.array([[AREA, *np.ravel(TABLE)]])}
     # A large swing under a normal force of 20 +- 15 in quadrature: it slips almost always.
     motion = np.array([[0.0, 300.0, 0.0], [20.0, 0.0, 15.0]])
-    _, force = sample_contact(make_law(laws, 0), motion, np.zeros(2), 4096, 2)
+    _, force = contact_at_instants(make_law(laws, 0), motion, np.zeros(2), 4096)
     pressures, coefficients = np.array(TABLE).T
     limit = np.interp(force[1] / AREA, pressures, coefficients) * force[1]
     slips = np.abs(np.abs(force[0]) / limit - 1.0) < 1e-12
