@@ -11,7 +11,7 @@ module attrito_balance_set_up
   use attrito_model_contacts, only: contacts_type, slider_width
   use attrito_model_structure, only: structure_type
   use attrito_contact_disc_rules, only: new_disc_rules
-  use attrito_contact_evaluation, only: may_need_samples
+  use attrito_contact_evaluation, only: goes_by_events
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_balance_active_rows, only: active_rows_type
@@ -89,7 +89,7 @@ contains
     logical :: needed
 
     needed = .not. allocated(self%law)
-    if (.not. needed) needed = any(may_need_samples(self%law, self%quadrature)) &
+    if (.not. needed) needed = any(.not. goes_by_events(self%law, self%quadrature)) &
                                .or. self%quadrature%fourier%samples /= samples
     if (.not. needed) return
     call self%quadrature%fourier%destroy()

@@ -1,8 +1,7 @@
-!> Forces of one contact, by events or by samples: the one place that decides which.
+!> Forces of one contact: by events, exact along one tangent, and along two as exact as the panels of slip are. A law of several
+!> elements in parallel is evaluated one element after another.
 !>
-!> By events the quadrature is exact along one tangent, and along two as exact as the panels of slip are. Laws that are not
-!> proportional to N go by samples, as do periods that pass. A law of several elements in parallel is evaluated one element after
-!> another.
+!> By samples all contacts go together or none does; they serve comparisons.
 module attrito_contact_evaluation
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
@@ -17,7 +16,7 @@ module attrito_contact_evaluation
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
-  public :: quadrature_type, evaluate_contact, goes_by_events, may_need_samples
+  public :: quadrature_type, evaluate_contact, goes_by_events
 
   !> What evaluations of all contacts share
   type :: quadrature_type
@@ -44,16 +43,6 @@ contains
 
     goes_by_events = quadrature%by_events
   end function goes_by_events
-
-  !> May samples have to serve a contact? Those of two tangents do where a period passes, and where panels of slip become too short.
-  elemental logical function may_need_samples(law, quadrature)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> What evaluations of all contacts share
-    type(quadrature_type), intent(in) :: quadrature
-
-    may_need_samples = law%tangents == 2 .or. .not. goes_by_events(law, quadrature)
-  end function may_need_samples
 
   !> Forces and Jacobian of one contact.
   subroutine evaluate_contact(law, quadrature, motion, slider, periodic, forces)
@@ -124,19 +113,14 @@ contains
     logical, intent(in) :: periodic
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
-    logical :: done
 
     forces%closed_here = .false.
-    done = .false.
-    if (goes_by_events(law, quadrature) .or. allocated(forces%mean_before)) then
-      if (law%tangents == 1) then
-        call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
-        done = .true.
-      else
-        call evaluate_contact_by_disc_events(law, quadrature%discs, motion, slider, periodic, forces, done)
-      end if
+    if (.not. goes_by_events(law, quadrature)) then
+      call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
+    else if (law%tangents == 1) then
+      call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
+    else
+      call evaluate_contact_by_disc_events(law, quadrature%discs, motion, slider, periodic, forces)
     end if
-    ! A panel of slip that would have to be shorter than rounding leaves the contact to samples.
-    if (.not. done) call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
   end subroutine evaluate_element
 end module attrito_contact_evaluation

@@ -53,8 +53,9 @@ contains
     real(wp), intent(in) :: motion(:, :)
     type(event_motion_type) :: self
     type(limit_type), allocatable :: limits(:)
-    real(wp), allocatable :: roots(:), ends(:, :), levels(:, :), basis(:)
+    real(wp), allocatable :: roots(:), ends(:, :), levels(:, :)
     real(wp) :: normal(size(motion, 1)), slopes(size(motion, 1), 2), least
+    real(wp) :: basis(merge(size(motion, 1), 2*size(motion, 1) - 1, law%is_proportional()))
     integer :: i, k, p, segments
 
     limits = law%limits()
@@ -64,7 +65,7 @@ contains
     call differentiate(motion(:, 1), slopes(:, 1))
     call differentiate(motion(:, 2), slopes(:, 2))
     ! One piece: all roots at once
-    allocate (ends(size(self%lower, 1), 2*size(limits)), levels(k, size(limits)))
+    allocate (ends(size(basis), 2*size(limits)), levels(k, size(limits)))
     do p = 1, size(limits)
       call differentiate(self%lower(:, p), ends(:, 2*p - 1))
       call differentiate(self%upper(:, p), ends(:, 2*p))
@@ -86,7 +87,7 @@ contains
     allocate (self%fixed_slope(segments + 1), source=0.0_wp)
     least = law%touching_force(motion(:, 2))
     do i = 1, segments
-      basis = basis_at(0.5_wp*(self%cuts(i) + self%cuts(i + 1)), size(self%lower, 1)/2)
+      basis = basis_at(0.5_wp*(self%cuts(i) + self%cuts(i + 1)), size(basis)/2)
       associate (force => dot_product(normal, basis(:k)))
         self%closed(i) = force >= least
         self%piece(i) = count(limits%from <= force)
@@ -96,7 +97,7 @@ contains
     end do
     do i = 1, segments + 1
       p = self%piece(min(i, segments))
-      basis = basis_at(self%cuts(i), size(self%lower, 1)/2)
+      basis = basis_at(self%cuts(i), size(basis)/2)
       self%lower_at(i) = dot_product(self%lower(:, p), basis)
       self%upper_at(i) = dot_product(self%upper(:, p), basis)
       self%u_at(i) = dot_product(motion(:, 1), basis(:k))
@@ -129,26 +130,34 @@ contains
     !> Coefficients of N and u
     real(wp), intent(in) :: normal(:), u(:)
     type(event_motion_type), intent(inout) :: self
-    real(wp), allocatable :: square(:)
-    integer :: k, p
+    real(wp) :: square(2*size(u) - 1)
+    integer :: k, order, p
+    logical :: is_bent
 
     k = size(u)
-    square = normal
-    if (.not. law%is_proportional()) square = product_of(normal, normal)
-    allocate (self%radius(size(square), size(limits)), self%slope(merge(1, k, law%is_proportional()), size(limits)), source=0.0_wp)
+    is_bent = .not. law%is_proportional()
+    order = merge(2*k - 1, k, is_bent)
+    if (is_bent) square = product_of(normal, normal)
+    allocate (self%radius(order, size(limits)), self%lower(order, size(limits)), self%upper(order, size(limits)))
+    allocate (self%slope(merge(k, 1, is_bent), size(limits)))
     do p = 1, size(limits)
-      associate (c => limits(p)%coefficients, kt => law%tangential_stiffness, r => self%radius(:, p))
-        if (size(square) > k) r = c(2)/kt*square
+      associate (c => limits(p)%coefficients, kt => law%tangential_stiffness, kn => law%normal_stiffness, r => self%radius(:, p))
+        if (is_bent) then
+          r = c(2)/kt*square
+          self%slope(:, p) = 2.0_wp*c(2)*kn/kt*normal
+        else
+          r = 0.0_wp
+          self%slope(:, p) = 0.0_wp
+        end if
         r(:k) = r(:k) + c(1)/kt*normal
         r(1) = r(1) + c(0)/kt
-        if (size(square) > k) self%slope(:, p) = 2.0_wp*c(2)/kt*law%normal_stiffness*normal
-        self%slope(1, p) = self%slope(1, p) + c(1)/kt*law%normal_stiffness
+        self%slope(1, p) = self%slope(1, p) + c(1)*kn/kt
+        self%lower(:, p) = -r
+        self%upper(:, p) = r
       end associate
+      self%lower(:k, p) = self%lower(:k, p) + u
+      self%upper(:k, p) = self%upper(:k, p) + u
     end do
-    self%lower = -self%radius
-    self%upper = self%radius
-    self%lower(:k, :) = self%lower(:k, :) + spread(u, 2, size(limits))
-    self%upper(:k, :) = self%upper(:k, :) + spread(u, 2, size(limits))
   end subroutine set_clamps
 
   !> March one period; `state` is the slider at the start, then at the end, with its origin.
@@ -244,7 +253,8 @@ contains
     associate (before => max(cut - 1, 1), after => min(cut, size(self%piece)))
       if (self%piece(before) /= self%piece(after)) return
       associate (slope => self%slope(:, self%piece(before)))
-        state%by_normal = -side*dot_product(slope, basis_at(self%cuts(cut), size(slope)/2))
+        state%by_normal = -side*slope(1)
+        if (size(slope) > 1) state%by_normal = -side*dot_product(slope, basis_at(self%cuts(cut), size(slope)/2))
       end associate
     end associate
   end subroutine follow

@@ -3,8 +3,9 @@
 !>
 !> $$ T = k_t (u - w) \; \text{(stick)}, \qquad k_t r e(\phi) \; \text{(slip)}, \qquad 0 \; \text{(open)} $$
 !>
-!> with phi the polynomial of its panel. Elements in parallel add up.
+!> with phi the polynomial of its panel. Elements in parallel add up. A march that does not come through has no number.
 module attrito_contact_instants
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp, two_pi
   use attrito_core_trigonometric, only: basis_at
   use attrito_model_contacts, only: contact_type
@@ -115,6 +116,10 @@ contains
     call follow_period(law, rules, motion, slider, disc, forces, place, loop)
     if (loop%rests) then
       force = force + law%tangential_stiffness*(u - spread(place%slider, 1, size(instants)))
+      return
+    end if
+    if (loop%record%failed) then
+      force = ieee_value(1.0_wp, ieee_quiet_nan)
       return
     end if
     associate (kt => law%tangential_stiffness, record => loop%record)

@@ -114,10 +114,15 @@ contains
     real(wp), intent(in) :: x(:), factor
     !> Coefficients that are added to
     real(wp), intent(inout) :: y(:)
-    type(moments_type) :: product
+    real(wp) :: cosines(0:(size(y) - 1)/2), sines(0:(size(y) - 1)/2)
+    integer :: m
 
-    product = self%weighted(x, (size(y) - 1)/2)
-    call product%add_column(factor, y)
+    call weigh(self, x, cosines, sines)
+    y(1) = y(1) + factor/two_pi*cosines(0)
+    do m = 1, ubound(cosines, 1)
+      y(2*m) = y(2*m) + factor/pi*cosines(m)
+      y(2*m + 1) = y(2*m + 1) + factor/pi*sines(m)
+    end do
   end subroutine add_product
 
   !> Moments of chi x, of a completed set, completed.
@@ -128,24 +133,35 @@ contains
     !> Highest order, at most P - (k - 1)/2
     integer, intent(in) :: order
     type(moments_type) :: product
+
+    product = new_moments(order)
+    call weigh(self, x, product%c(0:), product%s(0:))
+    call product%complete()
+  end function weighted
+
+  !> The same from order 0 on.
+  pure subroutine weigh(self, x, cosines, sines)
+    class(moments_type), intent(in) :: self
+    !> Coefficients
+    real(wp), intent(in) :: x(:)
+    !> Moments
+    real(wp), intent(out) :: cosines(0:), sines(0:)
     real(wp) :: a, b
     integer :: m, n
 
-    product = new_moments(order)
-    do m = 0, order
-      product%c(m) = x(1)*self%c(m)
-      product%s(m) = x(1)*self%s(m)
+    do m = 0, ubound(cosines, 1)
+      cosines(m) = x(1)*self%c(m)
+      sines(m) = x(1)*self%s(m)
     end do
     do n = 1, (size(x) - 1)/2
       a = 0.5_wp*x(2*n)
       b = 0.5_wp*x(2*n + 1)
-      do m = 0, order
-        product%c(m) = product%c(m) + a*(self%c(m - n) + self%c(m + n)) + b*(self%s(m + n) - self%s(m - n))
-        product%s(m) = product%s(m) + a*(self%s(m + n) + self%s(m - n)) + b*(self%c(m - n) - self%c(m + n))
+      do m = 0, ubound(cosines, 1)
+        cosines(m) = cosines(m) + a*(self%c(m - n) + self%c(m + n)) + b*(self%s(m + n) - self%s(m - n))
+        sines(m) = sines(m) + a*(self%s(m + n) + self%s(m - n)) + b*(self%c(m - n) - self%c(m + n))
       end do
     end do
-    call product%complete()
-  end function weighted
+  end subroutine weigh
 
   !> factor times the matrix that turns the coefficients of x into those of chi x, of a completed set.
   pure subroutine write_matrix(self, factor, matrix)

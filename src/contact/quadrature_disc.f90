@@ -9,6 +9,7 @@
 !> A contact that opens has one loop, from each landing to the next opening. One that is closed all over the period rests where it
 !> can. If there is no such place its slider either is the unknown start of one march, or is found here, w = P(w).
 module attrito_contact_quadrature_disc
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_core_lapack, only: multiply_by_transpose
   use attrito_model_contacts, only: contact_type
@@ -29,9 +30,9 @@ module attrito_contact_quadrature_disc
 
 contains
 
-  !> Forces and Jacobian of one contact with two tangents, whose slip force is mu N. `done` is false where a panel of slip would be
-  !> shorter than rounding: then nothing is said, and samples have to serve.
-  subroutine evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces, done)
+  !> Forces and Jacobian of one contact with two tangents. A march that does not come through leaves forces that are not numbers, so
+  !> that no point is said to be solved with it.
+  subroutine evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Grids and rules of panels, for the motion's harmonics
@@ -44,24 +45,21 @@ contains
     logical, intent(in) :: periodic
     !> Forces; `deviation` is allocated by the caller, for as many coefficients as it wants
     type(contact_forces_type), intent(inout) :: forces
-    !> Have they been evaluated?
-    logical, intent(out) :: done
     integer :: shown
 
     forces%periodic = periodic .and. .not. allocated(forces%mean_before)
     forces%closed_here = .false.
-    done = .true.
     if (.not. allocated(forces%mean_before) .and. is_stuck_by_bound(law, motion, slider)) then
       call stay_stuck(law, slider, size(motion, 1), forces)
       return
     end if
     shown = size(motion, 1)
     if (forces%without_jacobian) shown = rules%significant(motion)
-    call evaluate_motion(law, rules, motion(:shown, :), slider, forces, done)
+    call evaluate_motion(law, rules, motion(:shown, :), slider, forces)
   end subroutine evaluate_contact_by_disc_events
 
   !> The same of all harmonics that show.
-  subroutine evaluate_motion(law, rules, coefficients, slider, forces, done)
+  subroutine evaluate_motion(law, rules, coefficients, slider, forces)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Grids and rules of panels
@@ -70,13 +68,10 @@ contains
     real(wp), intent(in) :: coefficients(:, :), slider(2)
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
-    !> Have they been evaluated?
-    logical, intent(out) :: done
     type(disc_motion_type) :: motion
     type(resting_place_type) :: place
     type(loop_type) :: loop
 
-    done = .true.
     motion = new_disc_motion(law, rules, coefficients, forces%mean_before)
     if (.not. motion%passing > 0.0_wp .and. is_stuck_on_grid(law, motion, coefficients, slider)) then
       call stay_stuck(law, slider, size(coefficients, 1), forces)
@@ -87,8 +82,11 @@ contains
       call rest(law, motion, place, forces)
       return
     end if
-    done = .not. loop%record%failed
-    if (.not. done) return
+    if (loop%record%failed) then
+      call stay_stuck(law, slider, size(coefficients, 1), forces)
+      forces%deviation = ieee_value(1.0_wp, ieee_quiet_nan)
+      return
+    end if
     call classify(loop, slider, forces)
     forces%may_stick = place%exists
     call integrate(law, motion, loop, coefficients, forces)

@@ -133,9 +133,13 @@ contains
         call along%complete()
         call along%add_product(events%radius(:, p), kt, g_t)
         if (forces%without_jacobian) cycle
-        weighted = along%weighted(events%slope(:, p), k - 1)
-        call weighted%write_matrix(kt, by_normal)
-        forces%jacobian(:k, k + 1:) = forces%jacobian(:k, k + 1:) + by_normal
+        if (size(events%slope) == 1) then
+          call along%write_matrix(kt*events%slope(1, 1), forces%jacobian(:k, k + 1:))
+        else
+          weighted = along%weighted(events%slope(:, p), k - 1)
+          call weighted%write_matrix(kt, by_normal)
+          forces%jacobian(:k, k + 1:) = forces%jacobian(:k, k + 1:) + by_normal
+        end if
       end do
     end associate
     call integrate_rest(law, intervals, ends, k, forces)

@@ -199,6 +199,13 @@ def chain(contacts: int = 3, tangents: int = 1) -> Job:
     }
 
 
+def by_pressure(job: Job) -> Job:
+    """The job with one coefficient for all pressures: the same friction by another law."""
+    for contact in job["contact"]:
+        contact |= {"law": "pressure", "friction_coefficient": [[1.0, contact["friction_coefficient"]]], "area": 1.0}
+    return job
+
+
 def write_blocks(path: Path, *, floating: bool = False, **sets: list[int]) -> Model:
     """A model file: two boxes, one on the other, on springs; sets `top` and `bottom` meet, `tip` is one node.
 

@@ -40,10 +40,8 @@ contains
     real(wp), intent(in) :: motion(:, :), slider(2)
     logical, intent(in) :: periodic
     type(contact_forces_type) :: forces
-    logical :: done
 
     allocate (forces%deviation(size(motion, 1), 3))
-    call evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces, done)
-    if (.not. done) error stop 'no panel is short enough'
+    call evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces)
   end function forces_of
 end module random_discs
