@@ -29,7 +29,8 @@ program test_pressure_friction
                 test('forces along two tangents are those of a fine march', march_two), &
                 test('a slider rests where the discs of all instants hold it, at a kink of their radii, too', resting), &
                 test('one tangent in slip and through landing has the Jacobian of differences', one_tangent), &
-                test('two tangents in slip and through landing have the Jacobian of differences', two_tangents)], &
+                test('two tangents in slip and through landing have the Jacobian of differences', two_tangents), &
+                test('so have two tangents that all but follow a line, where slip ends at kinks as along one', all_but_a_line)], &
                 quiet=.false.) > 0) error stop 1
 
 contains
@@ -217,10 +218,18 @@ contains
     call compare(error, 2)
   end subroutine two_tangents
 
+  subroutine all_but_a_line(error)
+    type(error_type), allocatable, intent(out) :: error
+
+    call compare(error, 2, 0.01_wp)
+  end subroutine all_but_a_line
+
   !> Motions that stay closed and that open, over both slopes of the table.
-  subroutine compare(error, tangents)
+  subroutine compare(error, tangents, aside)
     type(error_type), allocatable, intent(inout) :: error
     integer, intent(in) :: tangents
+    !> The motion of one tangent, and this part of another across it
+    real(wp), intent(in), optional :: aside
     ! Second order of the step times third derivatives of up to 1e4, and rounding of 1e-16 over the step
     real(wp), parameter :: step = 1.0e-6_wp, tolerance = 2.0e-7_wp
     type(contact_type) :: contact
@@ -232,6 +241,10 @@ contains
     opened = 0
     do seed = 1, 10
       motion = motion_of(tangents, seed, merge(0.7_wp, 0.15_wp, modulo(seed, 2) == 0))
+      if (present(aside)) then
+        motion(:, 2) = aside*motion(:, 2)
+        motion(:, 1:3:2) = motion_of(1, seed, merge(0.7_wp, 0.15_wp, modulo(seed, 2) == 0))
+      end if
       at = forces_of(contact, motion)
       call check(error, at%state == state_slipping, 'it does not slip: the test is void')
       if (allocated(error)) return
