@@ -37,7 +37,7 @@ from mpi4py import MPI
 
 from attrito.library.points import Point
 from attrito.library.session import Options, Solver
-from attrito.scene.solver_options import FIRST_HARMONICS, FIRST_SAMPLES
+from attrito.scene.solver_options import FIRST_HARMONICS, SAMPLES
 from attrito.support.errors import NumericsError
 
 TOLERANCE = 0.01
@@ -50,9 +50,10 @@ REPEATS = 3
 def options_of(scene: campaign_scenes.Scene) -> Options:
     """As a job's with a tolerance and nothing else."""
     harmonics = max(FIRST_HARMONICS, scene.loaded_harmonics)
-    samples = max(FIRST_SAMPLES, 6 * harmonics + 2)
-    return Options(harmonics=harmonics, samples=samples, by_events=True, choose_harmonics=True, choose_samples=True,
-                   accepted_error=TOLERANCE)  # fmt: skip
+    samples = max(SAMPLES, 6 * harmonics + 2)
+    return Options(
+        harmonics=harmonics, samples=samples, by_events=True, choose_harmonics=True, accepted_error=TOLERANCE
+    )
 
 
 def sweep(scene: campaign_scenes.Scene) -> Iterator[tuple[Point, Solved, float]]:

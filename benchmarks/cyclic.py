@@ -32,7 +32,7 @@ from cyclic_scenes import PAIRS, random_sector
 from mpi4py import MPI
 
 from attrito.library.integrator import Integrator, Run
-from attrito.library.kernels import sample_contact
+from attrito.library.kernels import contact_at_instants
 from attrito.library.names import ENGINES, ORBITS, VERDICTS
 from attrito.library.points import Point, StoredPoint
 from attrito.library.reduced_scene import ReducedScene
@@ -45,8 +45,6 @@ WHEELS = (3, 5, 6, 8, 12)
 LEVELS = (0.05, 0.3, 1.0, 4.0)
 # A multiple of N / gcd(N, EO) for all wheels
 SAMPLES = 120
-# Periods until contacts have forgotten where they began
-PASSES = 40
 # A difference that is of another solution, and none of rounding
 SAME_BRANCH = 1e-6
 # How far from the wave a start near it is: the second where the first makes contacts slip that do not
@@ -78,7 +76,7 @@ def wave_sliders(wheel: ReducedScene, wave: np.ndarray, slider: np.ndarray) -> n
     rows = np.split(wheel.directions @ wave, np.cumsum(tangents + 1)[:-1])
     sliders = np.tile(slider, (len(tangents) // len(slider), 1))
     for i, (count, motion) in enumerate(zip(tangents, rows, strict=True)):
-        u, force = sample_contact(make_law(wheel.laws, i), motion, sliders[i], SAMPLES, PASSES)
+        u, force = contact_at_instants(make_law(wheel.laws, i), motion, sliders[i], SAMPLES)
         sliders[i, :count] = u[:count, -1] - force[:count, -1] / stiffness[i]
     return sliders
 

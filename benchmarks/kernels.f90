@@ -6,7 +6,7 @@ module attrito_bench_kernels
   use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
-  use attrito_contact_disc_motion, only: new_disc_rules
+  use attrito_contact_disc_rules, only: new_disc_rules
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid

@@ -10,7 +10,7 @@
 module attrito_accuracy_error_estimate
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
-  use attrito_contact_evaluation, only: goes_by_events, may_need_samples
+  use attrito_contact_evaluation, only: goes_by_events
   use attrito_contact_state, only: state_slipping
   use attrito_solve_solver, only: solver_type
   use attrito_accuracy_amplitude_change, only: relative_change
@@ -154,7 +154,7 @@ contains
       harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), unknown_share*asked)
       samples = balance%quadrature%fourier%samples
       if (sampled > 0.0_wp) samples = densification*samples
-      if (any_may_sample(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
+      if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
       call prepare(self%longer, solver, harmonics, samples)
       call solver%context%preconditioner%mean%prepare(balance)
       call self%longer%correct(solver, first, status)
@@ -229,14 +229,6 @@ contains
 
     any_sampled = any(.not. goes_by_events(solver%contacts%law, solver%context%balance%quadrature))
   end function any_sampled
-
-  !> May any contact, of all ranks, have to go by samples?
-  pure logical function any_may_sample(solver)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-
-    any_may_sample = any(may_need_samples(solver%contacts%law, solver%context%balance%quadrature))
-  end function any_may_sample
 
   !> Give the transforms back.
   subroutine destroy(self)

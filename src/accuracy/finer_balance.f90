@@ -15,7 +15,7 @@ module attrito_accuracy_finer_balance
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_balance_work, only: contact_work, residual_work
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact, goes_by_events
-  use attrito_contact_disc_motion, only: new_rough_rules
+  use attrito_contact_disc_rules, only: new_rough_rules
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_state, only: state_slipping
@@ -87,7 +87,8 @@ contains
 
     call self%destroy()
     self%harmonics = harmonics
-    self%quadrature = quadrature_type(quadrature%by_events, fourier=new_fourier(0, samples), grid=new_grid(harmonics))
+    self%quadrature = quadrature_type(quadrature%by_events, order=quadrature%order, fourier=new_fourier(0, samples), &
+                                      grid=new_grid(quadrature%order*harmonics))
     if (allocated(quadrature%discs%grids)) self%quadrature%discs = new_rough_rules(harmonics)
   end subroutine set
 

@@ -140,10 +140,10 @@ void attrito_stop(void);
 /* Give everything back. */
 void attrito_destroy(void *handle);
 
-/* Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients]
+/* Displacement and force [tangents + 1, instants] of one contact over a period, for its coefficients [tangents + 1, coefficients]
  * and sliders at its start [at least 2 elements]. */
-void attrito_sample_contact(const attrito_contact_law *law, int coefficients, int samples, const double *motion,
-    const double *slider, int passes, double *displacement, double *force);
+void attrito_contact_at_instants(const attrito_contact_law *law, int coefficients, int instants, const double *motion,
+    const double *slider, double *displacement, double *force);
 
 /* Tangential force [samples] of one contact along a given path of displacement and normal force: `follow_path`. */
 void attrito_follow_path(const attrito_contact_law *law, int samples, const double *displacement, const double *normal,

@@ -10,8 +10,7 @@ module attrito_api_solver
   use attrito_core_trigonometric, only: extrema
   use attrito_model_sector, only: new_sector
   use attrito_model_contacts, only: contact_type, contacts_type, new_contacts, slider_width
-  use attrito_contact_fourier, only: fourier_type, new_fourier
-  use attrito_contact_evaluation, only: sample_forces
+  use attrito_contact_instants, only: forces_at_instants
   use attrito_contact_given_path, only: follow_path
   use attrito_continuation_sweep, only: new_sweep
   use attrito_solve_strategies, only: solve_by_strategy
@@ -420,26 +419,23 @@ contains
     deallocate (session)
   end subroutine attrito_destroy
 
-  !> Displacement and force [tangents + 1, samples] of one contact over a period, for its coefficients [tangents + 1, coefficients]
+  !> Displacement and force [tangents + 1, instants] of one contact over a period, for its coefficients [tangents + 1, coefficients]
   !> and sliders at its start [at least 2 elements].
-  subroutine attrito_sample_contact(law, coefficients, samples, motion, slider, passes, displacement, force) bind(c)
+  subroutine attrito_contact_at_instants(law, coefficients, instants, motion, slider, displacement, force) bind(c)
     !> Contact laws
     type(contact_law_type), intent(in) :: law
-    !> Coefficients of each row, 2 H + 1; samples a period, J; how many there are
-    integer(c_int), value :: coefficients, samples, passes
+    !> Coefficients of each row, 2 H + 1; how many instants, equally spaced from the period's start on
+    integer(c_int), value :: coefficients, instants
     !> Coefficients of relative displacement, by harmonic and row; sliders at the start of the period
     real(c_double), intent(in) :: motion(coefficients, law%tangents + 1), slider(*)
     !> Displacement or velocity of the coordinates; contact forces
-    real(c_double), intent(out) :: displacement(samples, law%tangents + 1), force(samples, law%tangents + 1)
-    type(fourier_type) :: fourier
+    real(c_double), intent(out) :: displacement(instants, law%tangents + 1), force(instants, law%tangents + 1)
     type(contact_type) :: contact(1)
 
     contact(1) = law_of(law)
-    fourier = new_fourier((coefficients - 1)/2, samples)
-    call sample_forces(contact(1), fourier, motion, slider(:2*contact(1)%elements()), passes, displacement, force)
+    call forces_at_instants(contact(1), motion, slider(:2*contact(1)%elements()), displacement, force)
     call release_laws(contact)
-    call fourier%destroy()
-  end subroutine attrito_sample_contact
+  end subroutine attrito_contact_at_instants
 
   !> Tangential force [samples] of one contact along a given path of displacement and normal force: `follow_path`.
   subroutine attrito_follow_path(law, samples, displacement, normal, passes, force) bind(c)

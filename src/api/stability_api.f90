@@ -103,7 +103,7 @@ contains
     if (session%structure%damping_kind == damping_loss_factor) then
       call raise(error, '[damping] loss_factor: structural damping has no time-domain twin: expected ratio, rayleigh or a'// &
                  ' damping matrix', fault_of_input)
-    else if (.not. all(session%contacts%law%has_events()) .or. any(session%contacts%law%elements() > 1)) then
+    else if (.not. all(session%contacts%law%is_proportional()) .or. any(session%contacts%law%elements() > 1)) then
       call raise(error, 'stability: a contact law that is not proportional to the normal force, or of several elements: expected'// &
                  ' Coulomb''s', fault_of_input)
     end if

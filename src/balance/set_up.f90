@@ -10,8 +10,8 @@ module attrito_balance_set_up
   use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contacts_type, slider_width
   use attrito_model_structure, only: structure_type
-  use attrito_contact_disc_motion, only: new_disc_rules
-  use attrito_contact_evaluation, only: may_need_samples
+  use attrito_contact_disc_rules, only: new_disc_rules
+  use attrito_contact_evaluation, only: goes_by_events
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_balance_active_rows, only: active_rows_type
@@ -47,6 +47,7 @@ contains
     self%monitors = self%receptance%project_rows(structure%monitors)
     self%free = new_rigid_body_modes(structure, contacts)
     allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
+    self%quadrature%order = order_of(contacts)
     call set_series(self, structure, self%receptance%harmonics, samples)
     allocate (self%response(size(self%static_loads, 1), 0:self%receptance%harmonics))
     allocate (self%response_omega, mold=self%response)
@@ -63,7 +64,7 @@ contains
     integer :: given, h
 
     call set_samples(self, harmonics, samples)
-    self%quadrature%grid = new_grid(harmonics)
+    self%quadrature%grid = new_grid(self%quadrature%order*harmonics)
     if (allocated(self%quadrature%discs%grids)) self%quadrature%discs = new_disc_rules(harmonics)
     if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
     allocate (self%harmonic_load(size(self%static_loads, 1), 0:harmonics), source=(0.0_wp, 0.0_wp))
@@ -71,6 +72,14 @@ contains
     self%harmonic_load(:, 0:given/2) = self%receptance%project_loads(structure%harmonic_load(:, :given))
     self%loaded = pack([(h, h=1, harmonics)], [(any(abs(self%harmonic_load(:, h)) > 0.0_wp), h=1, harmonics)])
   end subroutine set_series
+
+  !> Order of the contacts' radii over that of their motion.
+  pure integer function order_of(contacts)
+    !> All contacts: laws and directions
+    type(contacts_type), intent(in) :: contacts
+
+    order_of = merge(1, 2, all(contacts%law%is_proportional()))
+  end function order_of
 
   !> Transforms; where all contacts go by events they serve nothing, and only what is not there yet is made.
   subroutine set_samples(self, harmonics, samples)
@@ -80,7 +89,7 @@ contains
     logical :: needed
 
     needed = .not. allocated(self%law)
-    if (.not. needed) needed = any(may_need_samples(self%law, self%quadrature)) &
+    if (.not. needed) needed = any(.not. goes_by_events(self%law, self%quadrature)) &
                                .or. self%quadrature%fourier%samples /= samples
     if (.not. needed) return
     call self%quadrature%fourier%destroy()
@@ -130,6 +139,10 @@ contains
     integer, intent(in) :: first, last
     integer :: i, last_row
 
+    if (order_of(contacts) > self%quadrature%order) then
+      self%quadrature%order = order_of(contacts)
+      self%quadrature%grid = new_grid(self%quadrature%order*self%receptance%harmonics)
+    end if
     self%first_contact = first
     self%law = contacts%law(first:last)
     self%first_row = 1 + sum(contacts%law(:first - 1)%tangents + 1)

@@ -3,20 +3,22 @@
 !>
 !> $$ (I - P_w) \, \delta w = P(w) - w $$
 !>
+!> and of one that passes a march from a given slider.
+!>
 !> Sliders never part, so P_w has no singular value above one. Near the last place to rest one comes close to it.
 module attrito_contact_disc_loop
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_core_trigonometric, only: basis_at
   use attrito_model_contacts, only: contact_type
   use attrito_contact_disc_march, only: start_at, land, march_disc, slider_at
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
+  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, new_record
   use attrito_contact_forces, only: contact_forces_type, released
   use attrito_contact_slip_panel, only: slip_panel_type, new_slip_panel
   use attrito_contact_state, only: regime_slip, regime_open
   implicit none
   private
-  public :: loop_type, march_closed_parts, follow_motion, march_period, close_period, holding_of
+  public :: loop_type, march_closed_parts, march_passing, follow_motion, march_period, close_period, holding_of
 
   !> What a period keeps but for rounding stays where it is, rather than moving without limit
   real(wp), parameter :: kept = 1.0_wp - 1.0e-8_wp ! derived
@@ -27,8 +29,8 @@ module attrito_contact_disc_loop
     !> Slider at the start, and at its end with the derivative [columns, 2]
     real(wp) :: start(2) = 0.0_wp, slider(2) = 0.0_wp
     real(wp), allocatable :: by_slider(:, :)
-    !> Does it touch at some time? Has its start slider been outside its disc?
-    logical :: touches = .true., entered = .false.
+    !> Does it touch at some time? Has its start slider been outside its disc? Does it rest, so that nothing is marched?
+    logical :: touches = .true., entered = .false., rests = .false.
   end type loop_type
 
 contains
@@ -46,7 +48,7 @@ contains
   !> A contact that opens: each closed part from its landing. The period's end is looked at on the way.
   subroutine march_closed_parts(motion, rules, cuts, forces, loop)
     !> Motion of the contact; rules of panels
-    type(disc_motion_type), intent(in) :: motion
+    type(disc_motion_type), intent(inout) :: motion
     type(disc_rules_type), intent(in) :: rules
     !> Landings and openings in turn
     real(wp), intent(in) :: cuts(:)
@@ -61,11 +63,11 @@ contains
 
     k = size(motion%series, 2)
     columns = columns_of(motion, forces%without_jacobian, .false.)
-    loop%record = new_record(cuts(1), k, size(forces%deviation, 1), columns, columns > 0, .true., rules%radau%nodes)
+    loop%record = new_record(cuts(1), k, size(forces%deviation, 1), columns, columns > 0, .true., rules)
     panel = new_slip_panel(rules, max(k, size(forces%deviation, 1)))
     allocate (loop%by_slider(columns, 2), source=0.0_wp)
-    jet = motion%at(0.0_wp)
-    basis = basis_at(0.0_wp, motion%harmonics)
+    jet = motion%at(two_pi)
+    basis = motion%basis_at(two_pi)
     loop%slider = jet(1:2)
     if (columns > 0) then
       loop%by_slider(:k, 1) = basis
@@ -88,6 +90,60 @@ contains
     loop%start = loop%slider
   end subroutine march_closed_parts
 
+  !> A period that passes, from a given slider: closed and open parts in turn.
+  subroutine march_passing(motion, rules, cuts, forces, slider, loop)
+    !> Motion of the contact; rules of panels
+    type(disc_motion_type), intent(inout) :: motion
+    type(disc_rules_type), intent(in) :: rules
+    !> Landings and openings in turn
+    real(wp), intent(in) :: cuts(:)
+    !> What is wanted
+    type(contact_forces_type), intent(in) :: forces
+    !> Slider at the start
+    real(wp), intent(in) :: slider(2)
+    !> The period
+    type(loop_type), intent(out) :: loop
+    type(disc_state_type) :: state
+    type(slip_panel_type) :: panel
+    real(wp) :: ends(0:size(cuts) + 1), jet(6), basis(size(motion%series, 2))
+    logical :: closed
+    integer :: i, k, columns
+
+    k = size(motion%series, 2)
+    columns = columns_of(motion, forces%without_jacobian, .false.)
+    loop%record = new_record(0.0_wp, k, size(forces%deviation, 1), columns, columns > 0, .true., rules)
+    panel = new_slip_panel(rules, max(k, size(forces%deviation, 1)))
+    allocate (loop%by_slider(columns, 2), source=0.0_wp)
+    loop%start = slider
+    ends = [0.0_wp, cuts, two_pi]
+    jet = motion%at(0.5_wp*ends(1))
+    closed = jet(3) > 0.0_wp
+    loop%touches = closed .or. size(cuts) > 0
+    state%slider = slider
+    state%by_slider = loop%by_slider
+    if (closed) call start_at(motion, 0.0_wp, slider, loop%by_slider, loop%record, state, loop%entered)
+    do i = 1, size(cuts) + 1
+      if (closed) then
+        if (i > 1) call land(motion, ends(i - 1), loop%record, state)
+        call march_disc(motion, rules, ends(i - 1), ends(i), i <= size(cuts), panel, state, loop%record)
+        if (loop%record%failed) return
+      else
+        call loop%record%add_interval(ends(i), regime_open, state)
+      end if
+      if (i <= size(cuts)) closed = .not. closed
+    end do
+    if (closed) then
+      call slider_at(motion, two_pi, loop%record, state, loop%slider, loop%by_slider)
+    else
+      jet = motion%at(two_pi)
+      loop%slider = jet(1:2)
+      if (columns == 0) return
+      basis = motion%basis_at(two_pi)
+      loop%by_slider(:k, 1) = basis
+      loop%by_slider(k + 1:2*k, 2) = basis
+    end if
+  end subroutine march_passing
+
   !> A contact that does not touch, or is not pressed: no tangential force, the slider goes with the motion.
   subroutine follow_motion(law, motion, coefficients, forces, loop)
     !> Contact: its springs and its law
@@ -107,8 +163,8 @@ contains
     columns = columns_of(motion, forces%without_jacobian, .false.)
     loop%record = new_record(0.0_wp, k, size(forces%deviation, 1), columns, columns > 0, .true.)
     allocate (loop%by_slider(columns, 2), source=0.0_wp)
-    jet = motion%at(0.0_wp)
-    basis = basis_at(0.0_wp, motion%harmonics)
+    jet = motion%at(two_pi)
+    basis = motion%basis_at(two_pi)
     loop%slider = jet(1:2)
     loop%start = loop%slider
     state%slider = loop%slider
@@ -124,7 +180,7 @@ contains
   !> One march of a contact that stays closed, from a given slider.
   subroutine march_period(motion, rules, forces, slider, loop, only_end)
     !> Motion of the contact; rules of panels
-    type(disc_motion_type), intent(in) :: motion
+    type(disc_motion_type), intent(inout) :: motion
     type(disc_rules_type), intent(in) :: rules
     !> What is wanted
     type(contact_forces_type), intent(in) :: forces
@@ -144,7 +200,7 @@ contains
     if (present(only_end)) keeps = .not. only_end
     columns = columns_of(motion, forces%without_jacobian .or. .not. keeps, .not. (forces%without_jacobian .and. keeps))
     loop%record = new_record(0.0_wp, size(motion%series, 2), size(forces%deviation, 1), columns, columns > 2, keeps, &
-                             rules%radau%nodes)
+                             rules)
     panel = new_slip_panel(rules, merge(max(size(motion%series, 2), size(forces%deviation, 1)), size(motion%series, 2), keeps))
     allocate (by_start(columns, 2), loop%by_slider(columns, 2), source=0.0_wp)
     if (columns > 0) by_start(columns - 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
@@ -157,7 +213,7 @@ contains
   !> The period that closes, P(w) = w, by Newton's method from a slider; where it does not converge, the march from where it came to.
   subroutine close_period(motion, rules, forces, slider, loop)
     !> Motion of the contact; rules of panels
-    type(disc_motion_type), intent(in) :: motion
+    type(disc_motion_type), intent(inout) :: motion
     type(disc_rules_type), intent(in) :: rules
     !> What is wanted
     type(contact_forces_type), intent(in) :: forces

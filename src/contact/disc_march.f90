@@ -9,8 +9,8 @@
 !> this one alone leaves a term of its instant: dw = du - (u'/r') dr.
 module attrito_contact_disc_march
   use attrito_core_kinds, only: wp
-  use attrito_core_trigonometric, only: basis_at
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
+  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, leave_rim, enter_rim
   use attrito_contact_disc_slip, only: slip_on
   use attrito_contact_disc_stick, only: stick_on
@@ -45,7 +45,7 @@ contains
     entered = distance > jet(3) + motion%negligible
     if (distance < jet(3) - motion%negligible) return
     call enter_rim(motion, theta, record%by_motion, state)
-    if (dot_product(jet(4:5), jet(1:2) - slider) <= jet(6)*distance) call leave_rim(motion, theta, record%by_motion, state)
+    if (dot_product(jet(4:5), jet(1:2) - slider) <= jet(6)*distance) call leave_rim(motion, theta, record%by_motion, .false., state)
   end subroutine start_at
 
   !> A contact that lands.
@@ -62,7 +62,7 @@ contains
     integer :: h, k
 
     jet = motion%at(theta)
-    basis = basis_at(theta, motion%harmonics)
+    basis = motion%basis_at(theta)
     allocate (state%by_phi(record%columns), state%by_slider(record%columns, 2), source=0.0_wp)
     k = 2*motion%harmonics + 1
     speed = norm2(jet(4:5))
@@ -90,12 +90,15 @@ contains
       state%by_phi(k + 2*h + 1) = e(1)*derivative
     end do
     state%by_phi(2*k + 1:3*k) = -(turn*motion%slope/speed)*basis
+    state%by_phi(1) = -e(2)*motion%passing/speed
+    state%by_phi(k + 1) = e(1)*motion%passing/speed
   end subroutine land
 
-  !> March a closed contact from an instant to another.
+  !> March a closed contact from an instant to another, from kink to kink of its radius.
   subroutine march_disc(motion, rules, from, to, opens, panel, state, record)
-    !> Motion of the contact; rules of panels
-    type(disc_motion_type), intent(in) :: motion
+    !> Motion of the contact, whose piece of the law this changes
+    type(disc_motion_type), intent(inout) :: motion
+    !> Rules of panels
     type(disc_rules_type), intent(in) :: rules
     !> Angles of the period
     real(wp), intent(in) :: from, to
@@ -110,20 +113,29 @@ contains
     !> Changes between stick and slip in a row that lead nowhere; an interval that is rounding
     integer, parameter :: most_changes = 1000 ! guess
     real(wp), parameter :: nothing = 1.0e-14_wp ! derived
-    real(wp) :: theta
+    real(wp) :: theta, next, jet(6)
     integer :: change
 
     theta = from
+    call motion%segment(theta, to, next)
     do change = 1, most_changes
-      if (theta >= to - nothing) return
-      if (state%slips) then
-        call slip_on(motion, rules, to, opens, panel, state, record, theta)
-      else
-        call stick_on(motion, to, state, record, theta)
+      if (theta >= next - nothing) then
+        if (theta >= to - nothing) exit
+        call motion%segment(theta, to, next)
+        jet = motion%at(theta)
+        if (state%slips .and. jet(4)*cos(state%phi) + jet(5)*sin(state%phi) <= jet(6)) then
+          call leave_rim(motion, theta, record%by_motion, .true., state)
+        end if
       end if
-      if (record%failed) return
+      if (state%slips) then
+        call slip_on(motion, rules, next, opens .and. next >= to, panel, state, record, theta)
+      else
+        call stick_on(motion, next, state, record, theta)
+      end if
+      if (record%failed) exit
     end do
-    record%failed = .true.
+    record%failed = record%failed .or. change > most_changes
+    motion%piece = 0
   end subroutine march_disc
 
   !> The slider at an instant, and its derivative, of a contact that slips or sticks there.
@@ -141,7 +153,7 @@ contains
     type(disc_state_type) :: there
 
     there = state
-    if (state%slips) call leave_rim(motion, theta, record%by_motion, there)
+    if (state%slips) call leave_rim(motion, theta, record%by_motion, .false., there)
     slider = there%slider
     by_slider = there%by_slider
   end subroutine slider_at

@@ -9,8 +9,8 @@
 module attrito_contact_disc_record
   use attrito_core_kinds, only: wp, pi
   use attrito_core_lapack, only: add_transposed_product
-  use attrito_core_trigonometric, only: basis_at
-  use attrito_contact_disc_motion, only: disc_motion_type, usual_nodes
+  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_rules, only: disc_rules_type, usual_nodes
   use attrito_contact_slip_panel, only: slip_panel_type
   implicit none
   private
@@ -58,15 +58,15 @@ module attrito_contact_disc_record
 contains
 
   !> Nothing yet.
-  function new_record(from, coefficients, extended, columns, by_motion, keeps, nodes) result(self)
+  function new_record(from, coefficients, extended, columns, by_motion, keeps, rules) result(self)
     !> Where the march begins
     real(wp), intent(in) :: from
     !> Of the motion a row; of forces; number of columns
     integer, intent(in) :: coefficients, extended, columns
     !> Are the first 3 k columns those of the motion? Is all to be kept?
     logical, intent(in) :: by_motion, keeps
-    !> Of a panel, if there are to be any
-    integer, intent(in), optional :: nodes
+    !> Of panels, if there are to be any
+    type(disc_rules_type), intent(in), optional :: rules
     type(disc_record_type) :: self
     integer :: panels
 
@@ -78,10 +78,14 @@ contains
     allocate (self%by_sliders(columns, 2, few_intervals), self%slip_force(extended, 2))
     self%ends(0) = from
     self%slip_force = 0.0_wp
-    if (.not. (by_motion .and. present(nodes))) return
-    panels = max(min(most_nodes, room/(2*columns + coefficients))/nodes, 2)
-    allocate (self%by_slip(coefficients, 2*columns), source=0.0_wp)
-    allocate (self%basis(panels*nodes, coefficients), self%gradient(panels*nodes, columns, 2))
+    if (.not. present(rules)) return
+    if (rules%lists_panels) allocate (self%panels(0))
+    if (.not. by_motion) return
+    associate (nodes => rules%radau%nodes)
+      panels = max(min(most_nodes, room/(2*columns + coefficients))/nodes, 2)
+      allocate (self%by_slip(coefficients, 2*columns), source=0.0_wp)
+      allocate (self%basis(panels*nodes, coefficients), self%gradient(panels*nodes, columns, 2))
+    end associate
   end function new_record
 
   !> One more interval, from the end of the last one.
@@ -161,7 +165,7 @@ contains
         self%gradient(n:last, c, a) = part(:, a)*by_phi(:, c)
       end do
       do c = 1, k
-        self%gradient(n:last, 2*k + c, a) = self%gradient(n:last, 2*k + c, a) + motion%slope*panel%e(:, a)*panel%basis(:, c)
+        self%gradient(n:last, 2*k + c, a) = self%gradient(n:last, 2*k + c, a) + panel%slope*panel%e(:, a)*panel%basis(:, c)
       end do
     end do
   end subroutine add_nodes
@@ -236,16 +240,19 @@ contains
     self%nodes = 0
   end subroutine flush_nodes
 
-  !> Slip ends, or is looked at: the slider is at w = u - r e, dw = du - e dr - r e_perp dphi.
-  pure subroutine leave_rim(motion, theta, by_motion, state)
+  !> Slip ends, or is looked at: the slider is at w = u - r e, dw = du - e dr - r e_perp dphi. If r' jumps there, so that r stays and
+  !> the instant moves, dw = du - e (u'.e/v') dv - r e_perp dphi.
+  pure subroutine leave_rim(motion, theta, by_motion, at_kink, state)
     !> Motion of the contact; the instant
     type(disc_motion_type), intent(in) :: motion
     real(wp), intent(in) :: theta
     !> Are the first 3 k columns those of the motion?
     logical, intent(in) :: by_motion
+    !> Does slip end because r' jumps?
+    logical, intent(in) :: at_kink
     !> Slips before, sticks after
     type(disc_state_type), intent(inout) :: state
-    real(wp) :: basis(2*motion%harmonics + 1), jet(6), e(2)
+    real(wp) :: basis(2*motion%harmonics + 1), jet(6), e(2), pressing(2), slope(2)
     integer :: k
 
     jet = motion%at(theta)
@@ -257,11 +264,16 @@ contains
     state%by_slider(:, 2) = -(jet(3)*e(1))*state%by_phi
     if (.not. by_motion) return
     k = 2*motion%harmonics + 1
-    basis = basis_at(theta, motion%harmonics)
+    basis = motion%basis_at(theta)
+    slope = motion%slope_at(theta)
+    if (at_kink) then
+      pressing = motion%pressing_at(theta)
+      slope(1) = motion%pressing*dot_product(jet(4:5), e)/pressing(2)
+    end if
     state%by_slider(:k, 1) = state%by_slider(:k, 1) + basis(:k)
     state%by_slider(k + 1:2*k, 2) = state%by_slider(k + 1:2*k, 2) + basis(:k)
-    state%by_slider(2*k + 1:3*k, 1) = state%by_slider(2*k + 1:3*k, 1) - (motion%slope*e(1))*basis(:k)
-    state%by_slider(2*k + 1:3*k, 2) = state%by_slider(2*k + 1:3*k, 2) - (motion%slope*e(2))*basis(:k)
+    state%by_slider(2*k + 1:3*k, 1) = state%by_slider(2*k + 1:3*k, 1) - (slope(1)*e(1))*basis(:k)
+    state%by_slider(2*k + 1:3*k, 2) = state%by_slider(2*k + 1:3*k, 2) - (slope(1)*e(2))*basis(:k)
   end subroutine leave_rim
 
   !> Slip begins: its direction is that of z = u - w, dphi = e_perp.(du - dw)/|z|. (At an onset both sides turn alike, so that its
@@ -285,7 +297,7 @@ contains
     state%by_phi = -aside(1)*state%by_slider(:, 1) - aside(2)*state%by_slider(:, 2)
     if (.not. by_motion) return
     k = 2*motion%harmonics + 1
-    basis = basis_at(theta, motion%harmonics)
+    basis = motion%basis_at(theta)
     state%by_phi(:k) = state%by_phi(:k) + aside(1)*basis(:k)
     state%by_phi(k + 1:2*k) = state%by_phi(k + 1:2*k) + aside(2)*basis(:k)
   end subroutine enter_rim

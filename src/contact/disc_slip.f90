@@ -1,10 +1,12 @@
 !> Slip of a contact with two tangents, panel after panel, until it sticks or to a given instant.
 !>
 !> Slip ends where |z| would no longer grow beyond the rim, u'.e = r'. A panel in which that happens is solved again, with its end
-!> there. Lengths of panels follow their error, which goes with the power s of the length.
+!> there. Lengths of panels follow their error, which goes with the power s of the length. Where r all but vanishes and no panel is
+!> short enough the direction stays for next to nothing of the period: r dphi never grows along slip.
 module attrito_contact_disc_slip
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
+  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, leave_rim
   use attrito_contact_panel_rule, only: panel_rule_type
   use attrito_contact_slip_gradient, only: differentiate_panel
@@ -16,6 +18,8 @@ module attrito_contact_disc_slip
 
   !> A panel, or what is left of it before slip ends, that is rounding
   real(wp), parameter :: shortest = 1.0e-13_wp, nothing = 1.0e-12_wp ! derived
+  !> Of these, in a row, so many that a march has failed
+  integer, parameter :: most_skipped = 1000 ! guess
   !> In the first panel, if the direction went on turning as at its start
   real(wp), parameter :: first_turn = 0.7_wp ! guess
 
@@ -39,10 +43,12 @@ contains
     !> Where it begins, then where it ends
     real(wp), intent(inout) :: theta
     real(wp) :: jet(6), length, speed, turn, stop, by_phi(size(panel%weight), record%columns)
+    integer :: skipped
     logical :: solved, stops, lasts
 
     jet = motion%at(theta)
     speed = speed_of(jet(4:), state%phi)
+    skipped = 0
     length = rules%longest
     turn = abs(jet(5)*cos(state%phi) - jet(4)*sin(state%phi))
     if (jet(3) > motion%negligible .and. turn*length > first_turn*jet(3)) length = first_turn*jet(3)/turn
@@ -56,8 +62,13 @@ contains
       call solve_panel(motion, rules, theta, length, opens .and. lasts, state%phi, panel, solved)
       if (.not. is_good()) then
         if (length > shortest) cycle
-        record%failed = .true.
-        return
+        skipped = skipped + 1
+        record%failed = skipped > most_skipped
+        if (record%failed) return
+        theta = min(theta + nothing, to)
+        speed = speed_at(theta)
+        length = rules%longest
+        cycle
       end if
       call find_stop(motion, rules, panel, speed, stops, stop)
       if (stops) then
@@ -70,7 +81,7 @@ contains
         end if
         theta = theta + max(length, 0.0_wp)
         call record%add_interval(theta, regime_slip, state)
-        call leave_rim(motion, theta, record%by_motion, state)
+        call leave_rim(motion, theta, record%by_motion, .false., state)
         return
       end if
       call keep()
@@ -94,6 +105,16 @@ contains
         length = 0.4_wp*length
       end if
     end function is_good
+
+    !> Speed at an instant at which the contact slips as it does now.
+    real(wp) function speed_at(theta)
+      !> Angle of the period
+      real(wp), intent(in) :: theta
+      real(wp) :: jet(6)
+
+      jet = motion%at(theta)
+      speed_at = speed_of(jet(4:), state%phi)
+    end function speed_at
 
     !> Length that makes the error a little less than it may be, over the present one.
     real(wp) function wanted()

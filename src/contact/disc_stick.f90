@@ -8,7 +8,7 @@
 !> holds it rests there.
 module attrito_contact_disc_stick
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_contact_disc_motion, only: disc_motion_type, excess_of
+  use attrito_contact_disc_motion, only: disc_motion_type
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, enter_rim
   use attrito_contact_state, only: regime_stick
   implicit none
@@ -68,7 +68,7 @@ contains
       cell = cell + 1
       right = min(cell*motion%step, to)
       if (right < to) then
-        at_right = excess_of(motion%sampled(modulo(cell, points) + 1, :), w)
+        at_right = motion%excess_on_grid(modulo(cell, points) + 1, w)
       else
         at_right = motion%excess(to, w)
       end if

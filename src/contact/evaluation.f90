@@ -1,24 +1,22 @@
-!> Forces of one contact, by events or by samples: the one place that decides which.
+!> Forces of one contact: by events, exact along one tangent, and along two as exact as the panels of slip are. A law of several
+!> elements in parallel is evaluated one element after another.
 !>
-!> By events the quadrature is exact along one tangent, and along two as exact as the panels of slip are. Laws that are not
-!> proportional to N go by samples, as do periods that pass. A law of several elements in parallel is evaluated one element after
-!> another.
+!> By samples all contacts go together or none does; they serve comparisons.
 module attrito_contact_evaluation
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_disc_motion, only: disc_rules_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck
   use attrito_contact_fourier, only: fourier_type
   use attrito_contact_parallel_elements, only: begin_sum, add_element, complete_sum
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_passing_period, only: evaluate_passing_period
-  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples, contact_samples_type, sample_contact
+  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
   use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
-  public :: quadrature_type, evaluate_contact, goes_by_events, may_need_samples, sample_forces
+  public :: quadrature_type, evaluate_contact, goes_by_events
 
   !> What evaluations of all contacts share
   type :: quadrature_type
@@ -30,6 +28,8 @@ module attrito_contact_evaluation
     type(trigonometric_grid_type) :: grid
     !> Two tangents: the same, and panels of slip
     type(disc_rules_type) :: discs
+    !> Order of radii over that of motions: 2 where a law bends them
+    integer :: order = 1
   end type quadrature_type
 
 contains
@@ -41,18 +41,8 @@ contains
     !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
 
-    goes_by_events = quadrature%by_events .and. law%has_events()
+    goes_by_events = quadrature%by_events
   end function goes_by_events
-
-  !> May samples have to serve a contact? Those of two tangents do where a period passes, and where panels of slip become too short.
-  elemental logical function may_need_samples(law, quadrature)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> What evaluations of all contacts share
-    type(quadrature_type), intent(in) :: quadrature
-
-    may_need_samples = law%tangents == 2 .or. .not. goes_by_events(law, quadrature)
-  end function may_need_samples
 
   !> Forces and Jacobian of one contact.
   subroutine evaluate_contact(law, quadrature, motion, slider, periodic, forces)
@@ -123,53 +113,14 @@ contains
     logical, intent(in) :: periodic
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
-    logical :: done
 
     forces%closed_here = .false.
-    if (allocated(forces%mean_before)) then
-      call evaluate_passing_period(law, quadrature%fourier, motion, slider, forces)
-      return
+    if (.not. goes_by_events(law, quadrature)) then
+      call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
+    else if (law%tangents == 1) then
+      call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
+    else
+      call evaluate_contact_by_disc_events(law, quadrature%discs, motion, slider, periodic, forces)
     end if
-    done = .false.
-    if (goes_by_events(law, quadrature)) then
-      if (law%tangents == 1) then
-        call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
-        done = .true.
-      else
-        call evaluate_contact_by_disc_events(law, quadrature%discs, motion, slider, periodic, forces, done)
-      end if
-    end if
-    ! A panel of slip that would have to be shorter than rounding leaves the contact to samples.
-    if (.not. done) call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
   end subroutine evaluate_element
-
-  !> Displacement and force of a contact at samples of a period, all elements together.
-  subroutine sample_forces(law, fourier, motion, slider, passes, displacement, force)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> Transforms between coefficients and samples
-    type(fourier_type), intent(in) :: fourier
-    !> Coefficients of relative displacement [k, tangents + 1]
-    real(wp), intent(in) :: motion(:, :)
-    !> Sliders at the start of the first march, in pairs, one an element [at least 2 elements]
-    real(wp), intent(in) :: slider(:)
-    !> Marches over the period
-    integer, intent(in) :: passes
-    !> [J, tangents + 1]
-    real(wp), intent(out) :: displacement(:, :), force(:, :)
-    type(contact_samples_type), allocatable :: samples
-    integer :: i, n
-
-    n = law%tangents
-    force = 0.0_wp
-    do i = 1, law%elements()
-      allocate (samples)
-      samples%without_gradients = .true.
-      call sample_contact(law%element(i), fourier, motion, slider(2*i - 1:2*i), passes, samples)
-      displacement = samples%displacement
-      force(:, :n) = force(:, :n) + samples%force(:, :n)
-      force(:, n + 1) = samples%force(:, n + 1)
-      deallocate (samples)
-    end do
-  end subroutine sample_forces
 end module attrito_contact_evaluation

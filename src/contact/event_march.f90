@@ -1,15 +1,17 @@
 !> One tangent along a trigonometric motion, from event to event.
 !>
-!> The clamp of the slider is [L, U], L = u - r and U = u + r, with r = mu N / k_t a trigonometric polynomial while the contact is
-!> closed. Cut the period at the roots of N, L' and U': on each segment L and U are monotone, so the slider sticks, or sticks until
-!> L rises to it, or until U falls to it, and then follows: one event a segment at most, bracketed. Slip ends where L' or U'
-!> vanishes.
+!> The clamp of the slider is [L, U], L = u - r and U = u + r, with r = F(N)/k_t a trigonometric polynomial while the contact is
+!> closed and F keeps to one of its pieces, of order H where that is linear and 2 H where it is quadratic. Cut the period at the roots
+!> of N, of N - N_i, where the next piece begins, of L' and of U': on each segment L and U are monotone, so the slider sticks, or
+!> sticks until L rises to it, or until U falls to it, and then follows: one event a segment at most, bracketed. Slip ends where L'
+!> or U' vanishes.
 !>
-!> An event time moves with the motion, but forces are continuous across it and L' = 0 where slip ends, so only landing leaves a
-!> term: w = u at the root of N, dw = du - (u'/v') dv.
+!> An event time moves with the motion, but forces are continuous across it and L' = 0 where slip ends, so only landing and slip that
+!> ends as the next piece begins leave a term: r stays what it is there, dw = du - (u'/v') dv.
 module attrito_contact_event_march
   use attrito_core_kinds, only: wp, two_pi
-  use attrito_core_trigonometric, only: basis_at
+  use attrito_core_trigonometric, only: basis_at, product_of
+  use attrito_contact_law_contact_law, only: limit_type
   use attrito_model_contacts, only: contact_type
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type, roots_by_column, root_between, differentiate
@@ -21,8 +23,8 @@ module attrito_contact_event_march
   type :: interval_type
     real(wp) :: from = 0.0_wp, to = 0.0_wp
     integer :: regime = regime_stick
-    !> Slip: +1 along, -1 against the tangent
-    integer :: side = 0
+    !> Slip: +1 along, -1 against the tangent; piece of the law
+    integer :: side = 0, piece = 1
     !> Stick: the slider, and whether an event put it there: it moves with the motion at `origin`, dw = du + by_normal dv
     real(wp) :: slider = 0.0_wp
     logical :: has_origin = .false.
@@ -30,14 +32,13 @@ module attrito_contact_event_march
   end type interval_type
 
   type :: event_motion_type
-    !> Coefficients [k]: L, U
-    real(wp), allocatable :: lower(:), upper(:)
-    !> dr/dv = mu k_n / k_t
-    real(wp) :: slope = 0.0_wp
-    !> Ends of the segments, ascending, 0 and 2 pi included; L and U there; u, and where N vanishes -u'/v'
-    real(wp), allocatable :: cuts(:), lower_at(:), upper_at(:), u_at(:), landing_slope(:)
-    !> By segment: does it touch; do L rise and U fall there?
+    !> Coefficients by piece of the law: L, U, r and dr/dv = F' k_n/k_t [any odd number, pieces]
+    real(wp), allocatable :: lower(:, :), upper(:, :), radius(:, :), slope(:, :)
+    !> Ends of the segments, ascending, 0 and 2 pi included; L and U there; u, and where the contact lands or the piece changes -u'/v'
+    real(wp), allocatable :: cuts(:), lower_at(:), upper_at(:), u_at(:), fixed_slope(:)
+    !> By segment: does it touch; do L rise and U fall there? Piece of the law
     logical, allocatable :: closed(:), lower_rises(:), upper_falls(:)
+    integer, allocatable :: piece(:)
   end type event_motion_type
 
 contains
@@ -51,41 +52,113 @@ contains
     !> Coefficients of relative displacement, by harmonic and row
     real(wp), intent(in) :: motion(:, :)
     type(event_motion_type) :: self
-    real(wp) :: radius(size(motion, 1)), normal(size(motion, 1)), slopes(size(motion, 1), 4), basis(size(motion, 1)), least
-    integer :: i, harmonics, segments
+    type(limit_type), allocatable :: limits(:)
+    real(wp), allocatable :: roots(:), ends(:, :), levels(:, :)
+    real(wp) :: normal(size(motion, 1)), slopes(size(motion, 1), 2), least
+    real(wp) :: basis(merge(size(motion, 1), 2*size(motion, 1) - 1, law%is_proportional()))
+    integer :: i, k, p, segments
 
-    harmonics = (size(motion, 1) - 1)/2
+    limits = law%limits()
+    k = size(motion, 1)
     normal = law%normal_series(motion(:, 2))
-    radius = law%friction_coefficient/law%tangential_stiffness*normal
-    self%slope = law%friction_coefficient*law%normal_stiffness/law%tangential_stiffness
-    self%lower = motion(:, 1) - radius
-    self%upper = motion(:, 1) + radius
-    call differentiate(self%lower, slopes(:, 1))
-    call differentiate(self%upper, slopes(:, 2))
-    call differentiate(motion(:, 1), slopes(:, 3))
-    call differentiate(motion(:, 2), slopes(:, 4))
-    self%cuts = sorted([0.0_wp, two_pi, roots_by_column(reshape([normal, slopes(:, :2)], [size(normal), 3]), grid)])
+    call set_clamps(law, limits, normal, motion(:, 1), self)
+    call differentiate(motion(:, 1), slopes(:, 1))
+    call differentiate(motion(:, 2), slopes(:, 2))
+    ! One piece: all roots at once
+    allocate (ends(size(basis), 2*size(limits)), levels(k, size(limits)))
+    do p = 1, size(limits)
+      call differentiate(self%lower(:, p), ends(:, 2*p - 1))
+      call differentiate(self%upper(:, p), ends(:, 2*p))
+      levels(:, p) = normal
+      if (p > 1) levels(1, p) = levels(1, p) - limits(p)%from
+    end do
+    if (size(limits) == 1) then
+      roots = roots_by_column(reshape([levels, ends], [k, 3]), grid)
+    else
+      roots = roots_by_column(levels, grid)
+      do p = 1, size(limits)
+        roots = [roots, within(roots_by_column(ends(:, 2*p - 1:2*p), grid), p)]
+      end do
+    end if
+    self%cuts = sorted([0.0_wp, two_pi, roots])
     segments = size(self%cuts) - 1
-    allocate (self%closed(segments), self%lower_rises(segments), self%upper_falls(segments))
+    allocate (self%closed(segments), self%lower_rises(segments), self%upper_falls(segments), self%piece(segments))
     allocate (self%lower_at(segments + 1), self%upper_at(segments + 1), self%u_at(segments + 1))
-    allocate (self%landing_slope(segments + 1), source=0.0_wp)
+    allocate (self%fixed_slope(segments + 1), source=0.0_wp)
     least = law%touching_force(motion(:, 2))
     do i = 1, segments
-      basis = basis_at(0.5_wp*(self%cuts(i) + self%cuts(i + 1)), harmonics)
-      self%closed(i) = dot_product(normal, basis) >= least
-      self%lower_rises(i) = dot_product(slopes(:, 1), basis) > 0.0_wp
-      self%upper_falls(i) = dot_product(slopes(:, 2), basis) < 0.0_wp
+      basis = basis_at(0.5_wp*(self%cuts(i) + self%cuts(i + 1)), size(basis)/2)
+      associate (force => dot_product(normal, basis(:k)))
+        self%closed(i) = force >= least
+        self%piece(i) = count(limits%from <= force)
+      end associate
+      self%lower_rises(i) = dot_product(ends(:, 2*self%piece(i) - 1), basis) > 0.0_wp
+      self%upper_falls(i) = dot_product(ends(:, 2*self%piece(i)), basis) < 0.0_wp
     end do
     do i = 1, segments + 1
-      basis = basis_at(self%cuts(i), harmonics)
-      self%lower_at(i) = dot_product(self%lower, basis)
-      self%upper_at(i) = dot_product(self%upper, basis)
-      self%u_at(i) = dot_product(motion(:, 1), basis)
-      if (self%closed(max(i - 1, 1))) cycle
-      self%landing_slope(i) = dot_product(slopes(:, 4), basis)
-      if (abs(self%landing_slope(i)) > 0.0_wp) self%landing_slope(i) = -dot_product(slopes(:, 3), basis)/self%landing_slope(i)
+      p = self%piece(min(i, segments))
+      basis = basis_at(self%cuts(i), size(basis)/2)
+      self%lower_at(i) = dot_product(self%lower(:, p), basis)
+      self%upper_at(i) = dot_product(self%upper(:, p), basis)
+      self%u_at(i) = dot_product(motion(:, 1), basis(:k))
+      if (self%closed(max(i - 1, 1)) .and. self%piece(max(i - 1, 1)) == p) cycle
+      self%fixed_slope(i) = dot_product(slopes(:, 2), basis(:k))
+      if (abs(self%fixed_slope(i)) > 0.0_wp) self%fixed_slope(i) = -dot_product(slopes(:, 1), basis(:k))/self%fixed_slope(i)
     end do
+
+  contains
+
+    !> Instants at which N is of one piece.
+    function within(instants, p)
+      !> Angles of the period
+      real(wp), intent(in) :: instants(:)
+      !> The piece
+      integer, intent(in) :: p
+      real(wp), allocatable :: within(:)
+      integer :: i
+
+      within = pack(instants, [(count(limits%from <= dot_product(normal, basis_at(instants(i), k/2))) == p, i=1, size(instants))])
+    end function within
   end function new_event_motion
+
+  !> r = (c_0 + c_1 N + c_2 N^2)/k_t, and what it makes of u.
+  subroutine set_clamps(law, limits, normal, u, self)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Pieces of the law
+    type(limit_type), intent(in) :: limits(:)
+    !> Coefficients of N and u
+    real(wp), intent(in) :: normal(:), u(:)
+    type(event_motion_type), intent(inout) :: self
+    real(wp) :: square(2*size(u) - 1)
+    integer :: k, order, p
+    logical :: is_bent
+
+    k = size(u)
+    is_bent = .not. law%is_proportional()
+    order = merge(2*k - 1, k, is_bent)
+    if (is_bent) square = product_of(normal, normal)
+    allocate (self%radius(order, size(limits)), self%lower(order, size(limits)), self%upper(order, size(limits)))
+    allocate (self%slope(merge(k, 1, is_bent), size(limits)))
+    do p = 1, size(limits)
+      associate (c => limits(p)%coefficients, kt => law%tangential_stiffness, kn => law%normal_stiffness, r => self%radius(:, p))
+        if (is_bent) then
+          r = c(2)/kt*square
+          self%slope(:, p) = 2.0_wp*c(2)*kn/kt*normal
+        else
+          r = 0.0_wp
+          self%slope(:, p) = 0.0_wp
+        end if
+        r(:k) = r(:k) + c(1)/kt*normal
+        r(1) = r(1) + c(0)/kt
+        self%slope(1, p) = self%slope(1, p) + c(1)*kn/kt
+        self%lower(:, p) = -r
+        self%upper(:, p) = r
+      end associate
+      self%lower(:k, p) = self%lower(:k, p) + u
+      self%upper(:k, p) = self%upper(:k, p) + u
+    end do
+  end subroutine set_clamps
 
   !> March one period; `state` is the slider at the start, then at the end, with its origin.
   subroutine march_events(self, state, intervals, count)
@@ -100,6 +173,7 @@ contains
 
     if (present(count)) count = 0
     do i = 1, size(self%closed)
+      state%piece = self%piece(i)
       if (.not. self%closed(i)) then
         call add(state, self%cuts(i), self%cuts(i + 1), regime_open, 0, intervals, count)
         call land(self, i + 1, state)
@@ -109,9 +183,9 @@ contains
       if (i == 1 .and. state%slider < self%lower_at(1)) call follow(self, 1, 1, state)
       if (i == 1 .and. state%slider > self%upper_at(1)) call follow(self, 1, -1, state)
       if (self%lower_rises(i) .and. self%lower_at(i + 1) > state%slider) then
-        call slip(self, i, 1, self%lower, self%lower_at(i) < state%slider, state, intervals, count)
+        call slip(self, i, 1, self%lower(:, self%piece(i)), self%lower_at(i) < state%slider, state, intervals, count)
       else if (self%upper_falls(i) .and. self%upper_at(i + 1) < state%slider) then
-        call slip(self, i, -1, self%upper, self%upper_at(i) > state%slider, state, intervals, count)
+        call slip(self, i, -1, self%upper(:, self%piece(i)), self%upper_at(i) > state%slider, state, intervals, count)
       else
         call add(state, self%cuts(i), self%cuts(i + 1), regime_stick, 0, intervals, count)
       end if
@@ -175,7 +249,14 @@ contains
     state%slider = merge(self%lower_at(cut), self%upper_at(cut), side > 0)
     state%has_origin = .true.
     state%origin = self%cuts(cut)
-    state%by_normal = -side*self%slope
+    state%by_normal = self%fixed_slope(cut)
+    associate (before => max(cut - 1, 1), after => min(cut, size(self%piece)))
+      if (self%piece(before) /= self%piece(after)) return
+      associate (slope => self%slope(:, self%piece(before)))
+        state%by_normal = -side*slope(1)
+        if (size(slope) > 1) state%by_normal = -side*dot_product(slope, basis_at(self%cuts(cut), size(slope)/2))
+      end associate
+    end associate
   end subroutine follow
 
   !> The slider stands where the contact lands, at a cut.
@@ -189,7 +270,7 @@ contains
     state%slider = self%u_at(cut)
     state%has_origin = .true.
     state%origin = self%cuts(cut)
-    state%by_normal = self%landing_slope(cut)
+    state%by_normal = self%fixed_slope(cut)
   end subroutine land
 
   !> Ascending order, by insertion: a handful of numbers.

@@ -22,6 +22,7 @@ module attrito_contact_moments
     procedure :: complete
     procedure :: add_column
     procedure :: add_product
+    procedure :: weighted
     procedure :: write_matrix
   end type moments_type
 
@@ -113,28 +114,54 @@ contains
     real(wp), intent(in) :: x(:), factor
     !> Coefficients that are added to
     real(wp), intent(inout) :: y(:)
-    real(wp) :: cosines(0:(size(y) - 1)/2), sines(0:(size(y) - 1)/2), a, b
-    integer :: m, n, last
+    real(wp) :: cosines(0:(size(y) - 1)/2), sines(0:(size(y) - 1)/2)
+    integer :: m
 
-    last = (size(y) - 1)/2
-    do m = 0, last
+    call weigh(self, x, cosines, sines)
+    y(1) = y(1) + factor/two_pi*cosines(0)
+    do m = 1, ubound(cosines, 1)
+      y(2*m) = y(2*m) + factor/pi*cosines(m)
+      y(2*m + 1) = y(2*m + 1) + factor/pi*sines(m)
+    end do
+  end subroutine add_product
+
+  !> Moments of chi x, of a completed set, completed.
+  pure function weighted(self, x, order) result(product)
+    class(moments_type), intent(in) :: self
+    !> Coefficients [k]
+    real(wp), intent(in) :: x(:)
+    !> Highest order, at most P - (k - 1)/2
+    integer, intent(in) :: order
+    type(moments_type) :: product
+
+    product = new_moments(order)
+    call weigh(self, x, product%c(0:), product%s(0:))
+    call product%complete()
+  end function weighted
+
+  !> The same from order 0 on.
+  pure subroutine weigh(self, x, cosines, sines)
+    class(moments_type), intent(in) :: self
+    !> Coefficients
+    real(wp), intent(in) :: x(:)
+    !> Moments
+    real(wp), intent(out) :: cosines(0:), sines(0:)
+    real(wp) :: a, b
+    integer :: m, n
+
+    do m = 0, ubound(cosines, 1)
       cosines(m) = x(1)*self%c(m)
       sines(m) = x(1)*self%s(m)
     end do
     do n = 1, (size(x) - 1)/2
       a = 0.5_wp*x(2*n)
       b = 0.5_wp*x(2*n + 1)
-      do m = 0, last
+      do m = 0, ubound(cosines, 1)
         cosines(m) = cosines(m) + a*(self%c(m - n) + self%c(m + n)) + b*(self%s(m + n) - self%s(m - n))
         sines(m) = sines(m) + a*(self%s(m + n) + self%s(m - n)) + b*(self%c(m - n) - self%c(m + n))
       end do
     end do
-    y(1) = y(1) + factor/two_pi*cosines(0)
-    do m = 1, last
-      y(2*m) = y(2*m) + factor/pi*cosines(m)
-      y(2*m + 1) = y(2*m + 1) + factor/pi*sines(m)
-    end do
-  end subroutine add_product
+  end subroutine weigh
 
   !> factor times the matrix that turns the coefficients of x into those of chi x, of a completed set.
   pure subroutine write_matrix(self, factor, matrix)

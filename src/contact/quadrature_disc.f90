@@ -9,11 +9,15 @@
 !> A contact that opens has one loop, from each landing to the next opening. One that is closed all over the period rests where it
 !> can. If there is no such place its slider either is the unknown start of one march, or is found here, w = P(w).
 module attrito_contact_quadrature_disc
-  use attrito_core_kinds, only: wp, two_pi
+  use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
+  use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_core_lapack, only: multiply_by_transpose
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_disc_loop, only: loop_type, march_closed_parts, follow_motion, march_period, close_period, holding_of
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, new_disc_motion
+  use attrito_contact_disc_loop, only: loop_type, march_closed_parts, march_passing, follow_motion, march_period, close_period, &
+                                       holding_of
+  use attrito_contact_disc_motion, only: disc_motion_type, new_disc_motion
+  use attrito_contact_disc_record, only: disc_record_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_forces, only: contact_forces_type, hold_slider, stay_stuck, released
   use attrito_contact_moments, only: moments_type, new_moments, ends_type, new_ends
   use attrito_contact_resting_place, only: resting_place_type, find_resting_place, resting_gradient
@@ -22,13 +26,13 @@ module attrito_contact_quadrature_disc
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   implicit none
   private
-  public :: evaluate_contact_by_disc_events, find_cuts
+  public :: evaluate_contact_by_disc_events, follow_period, find_cuts
 
 contains
 
-  !> Forces and Jacobian of one contact with two tangents, whose slip force is mu N. `done` is false where a panel of slip would be
-  !> shorter than rounding: then nothing is said, and samples have to serve.
-  subroutine evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces, done)
+  !> Forces and Jacobian of one contact with two tangents. A march that does not come through leaves forces that are not numbers, so
+  !> that no point is said to be solved with it.
+  subroutine evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Grids and rules of panels, for the motion's harmonics
@@ -41,24 +45,21 @@ contains
     logical, intent(in) :: periodic
     !> Forces; `deviation` is allocated by the caller, for as many coefficients as it wants
     type(contact_forces_type), intent(inout) :: forces
-    !> Have they been evaluated?
-    logical, intent(out) :: done
     integer :: shown
 
-    forces%periodic = periodic
+    forces%periodic = periodic .and. .not. allocated(forces%mean_before)
     forces%closed_here = .false.
-    done = .true.
-    if (is_stuck_by_bound(law, motion, slider)) then
+    if (.not. allocated(forces%mean_before) .and. is_stuck_by_bound(law, motion, slider)) then
       call stay_stuck(law, slider, size(motion, 1), forces)
       return
     end if
     shown = size(motion, 1)
     if (forces%without_jacobian) shown = rules%significant(motion)
-    call evaluate_motion(law, rules, motion(:shown, :), slider, forces, done)
+    call evaluate_motion(law, rules, motion(:shown, :), slider, forces)
   end subroutine evaluate_contact_by_disc_events
 
   !> The same of all harmonics that show.
-  subroutine evaluate_motion(law, rules, coefficients, slider, forces, done)
+  subroutine evaluate_motion(law, rules, coefficients, slider, forces)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Grids and rules of panels
@@ -67,46 +68,75 @@ contains
     real(wp), intent(in) :: coefficients(:, :), slider(2)
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
-    !> Have they been evaluated?
-    logical, intent(out) :: done
     type(disc_motion_type) :: motion
     type(resting_place_type) :: place
     type(loop_type) :: loop
-    real(wp), allocatable :: cuts(:)
 
-    done = .true.
-    motion = new_disc_motion(law, rules, coefficients)
-    if (is_stuck_on_grid(law, motion, coefficients, slider)) then
+    motion = new_disc_motion(law, rules, coefficients, forces%mean_before)
+    if (.not. motion%passing > 0.0_wp .and. is_stuck_on_grid(law, motion, coefficients, slider)) then
       call stay_stuck(law, slider, size(coefficients, 1), forces)
       return
     end if
+    call follow_period(law, rules, coefficients, slider, motion, forces, place, loop)
+    if (loop%rests) then
+      call rest(law, motion, place, forces)
+      return
+    end if
+    if (loop%record%failed) then
+      call stay_stuck(law, slider, size(coefficients, 1), forces)
+      forces%deviation = ieee_value(1.0_wp, ieee_quiet_nan)
+      return
+    end if
+    call classify(loop, slider, forces)
+    forces%may_stick = place%exists
+    call integrate(law, motion, loop, coefficients, forces)
+    if (motion%passing > 0.0_wp) then
+      call add_passing(law, motion, loop%record, forces)
+    else if (forces%state == state_stuck) then
+      call hold_slider(law, (forces%slider), forces)
+    end if
+  end subroutine evaluate_motion
+
+  !> What the contact does over the period.
+  subroutine follow_period(law, rules, coefficients, slider, motion, forces, place, loop)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Grids and rules of panels
+    type(disc_rules_type), intent(in) :: rules
+    !> Coefficients of relative displacement; slider at the start
+    real(wp), intent(in) :: coefficients(:, :), slider(2)
+    !> Motion of the contact
+    type(disc_motion_type), intent(inout) :: motion
+    !> What is wanted; says whether the period was closed here
+    type(contact_forces_type), intent(inout) :: forces
+    !> Where it can rest, if that was looked for, and what it does unless it rests there
+    type(resting_place_type), intent(out) :: place
+    type(loop_type), intent(out) :: loop
+    real(wp), allocatable :: cuts(:)
+
     call motion%sample_slopes(rules)
+    call motion%find_kinks(rules)
     call find_cuts(law, rules, motion, coefficients, cuts)
-    if (size(cuts) > 0) then
-      call march_closed_parts(motion, rules, cuts, forces, loop)
-    else if (motion%largest <= -law%touching_force(coefficients(:, 3))*motion%slope/law%normal_stiffness) then
+    if (size(cuts) == 0 .and. motion%largest <= -law%touching_force(coefficients(:, 3))*motion%slope/law%normal_stiffness) then
       call follow_motion(law, motion, coefficients, forces, loop)
+      if (motion%passing > 0.0_wp) loop%start = slider
+    else if (motion%passing > 0.0_wp) then
+      call march_passing(motion, rules, cuts, forces, slider, loop)
+    else if (size(cuts) > 0) then
+      call march_closed_parts(motion, rules, cuts, forces, loop)
     else if (forces%periodic) then
       call march_period(motion, rules, forces, slider, loop)
       if (.not. forces%without_jacobian) place = find_resting_place(motion, slider)
     else
       place = find_resting_place(motion, slider)
-      if (place%exists) then
-        call rest(law, motion, place, forces)
-        return
-      end if
+      loop%rests = place%exists
+      if (loop%rests) return
       call close_period(motion, rules, forces, place%slider, loop)
       forces%closed_here = .true.
       ! It has moved, even if it all but rests where it has come to.
       loop%entered = .true.
     end if
-    done = .not. loop%record%failed
-    if (.not. done) return
-    call classify(loop, slider, forces)
-    forces%may_stick = place%exists
-    call integrate(law, motion, loop, coefficients, forces)
-    if (forces%state == state_stuck) call hold_slider(law, (forces%slider), forces)
-  end subroutine evaluate_motion
+  end subroutine follow_period
 
   !> Does what is seen on the grid show that the contact sticks?
   logical function is_stuck_on_grid(law, motion, coefficients, slider) result(sticks)
@@ -121,12 +151,13 @@ contains
 
     associate (points => size(displacement, 1))
       displacement(:, :2) = motion%sampled(:points, :2)
-      displacement(:, 3) = (motion%sampled(:points, 3) - motion%series(3, 1))/motion%slope + coefficients(1, 3)
+      displacement(:, 3) = (motion%sampled(:points, 3) - motion%series(3, 1))/motion%pressing + coefficients(1, 3)
     end associate
     sticks = is_stuck_by_samples(law, displacement, coefficients, slider)
   end function is_stuck_on_grid
 
-  !> Where the contact lands and opens, ascending from a landing; none if it is closed, or open, all over the period.
+  !> Where the contact lands and opens, ascending from a landing, or of a period that passes from its start; none if it is closed, or
+  !> open, all over the period.
   subroutine find_cuts(law, rules, motion, coefficients, cuts)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
@@ -135,7 +166,7 @@ contains
     !> Motion of the contact, and its coefficients
     type(disc_motion_type), intent(in) :: motion
     real(wp), intent(in) :: coefficients(:, :)
-    !> The first is a landing
+    !> The first is a landing, unless the period passes
     real(wp), allocatable, intent(out) :: cuts(:)
     real(wp), allocatable :: roots(:)
     real(wp) :: jet(6)
@@ -143,14 +174,14 @@ contains
 
     allocate (cuts(0))
     if (motion%largest <= -law%touching_force(coefficients(:, 3))*motion%slope/law%normal_stiffness) return
-    roots = motion%roots_of_radius(rules)
+    roots = motion%crossings(rules, 0.0_wp)
     n = size(roots)
-    if (n < 2) return
-    cuts = [real(wp) ::]
+    if (n < 2 .and. .not. motion%passing > 0.0_wp) return
     do i = 1, n
       cuts = [cuts, minval(roots)]
       roots(minloc(roots, 1)) = huge(1.0_wp)
     end do
+    if (motion%passing > 0.0_wp) return
     jet = motion%at(0.5_wp*(cuts(1) + cuts(2)))
     if (jet(3) < 0.0_wp) cuts = [cuts(2:), cuts(1) + two_pi]
   end subroutine find_cuts
@@ -286,7 +317,7 @@ contains
       end do
       if (allocated(forces%jacobian)) deallocate (forces%jacobian)
       forces%active = spread(.false., 1, 3*k)
-      if (forces%without_jacobian .or. forces%state == state_stuck) return
+      if (forces%without_jacobian .or. (forces%state == state_stuck .and. .not. motion%passing > 0.0_wp)) return
       allocate (product(k, 2*record%columns), source=0.0_wp)
       if (n > 0) call multiply_by_transpose(k, 2*record%columns, n, basis, gradient, product)
       if (allocated(record%by_slip)) then
@@ -306,6 +337,63 @@ contains
     end associate
     call let_slider_follow(loop, product, forces)
   end subroutine integrate
+
+  !> What a period that passes adds, where the slider does not go with the means: K_c times their going on.
+  subroutine add_passing(law, motion, record, forces)
+    !> Contact: its springs and its law
+    type(contact_type), intent(in) :: law
+    !> Motion of the contact
+    type(disc_motion_type), intent(in) :: motion
+    !> What it does
+    type(disc_record_type), intent(in) :: record
+    !> Forces of one contact over the period, and their derivatives
+    type(contact_forces_type), intent(inout) :: forces
+    type(ends_type) :: ends
+    real(wp) :: column(size(forces%deviation, 1), 3)
+    integer :: a, i, k
+
+    k = size(motion%series, 2)
+    ends = new_ends(record%ends(0:record%intervals), size(column, 1)/2)
+    column = 0.0_wp
+    do i = 1, record%intervals
+      if (record%regimes(i) == regime_stick) call add_ramp(ends, i, law%tangential_stiffness, column(:, 1))
+      if (record%regimes(i) /= regime_open) call add_ramp(ends, i, law%normal_stiffness, column(:, 3))
+    end do
+    column(:, 2) = column(:, 1)
+    do a = 1, 3
+      forces%deviation(:, a) = forces%deviation(:, a) + motion%rate(a)*merge(1.0_wp, 1.0_wp/motion%pressing, a < 3)*column(:, a)
+      if (forces%without_jacobian) cycle
+      associate (mean => forces%jacobian((a - 1)*k + 1:a*k, (a - 1)*k + 1))
+        mean = mean + motion%passing*column(:k, a)
+      end associate
+    end do
+    forces%active = spread(.true., 1, 3*k)
+  end subroutine add_passing
+
+  !> y <- y + factor (theta - pi) chi, in coefficients, by parts.
+  subroutine add_ramp(ends, interval, factor, y)
+    !> Antiderivatives at the ends of intervals
+    type(ends_type), intent(in) :: ends
+    !> Number of the interval
+    integer, intent(in) :: interval
+    !> Factor on what is added
+    real(wp), intent(in) :: factor
+    !> Coefficients that are added to
+    real(wp), intent(inout) :: y(:)
+    real(wp) :: x
+    integer :: m, side
+
+    do side = 0, 1
+      x = ends%c(0, interval - side) - pi
+      y(1) = y(1) + (1 - 2*side)*factor/two_pi*0.5_wp*x**2
+      do m = 1, size(y)/2
+        associate (c => ends%c(m, interval - side), s => ends%s(m, interval - side))
+          y(2*m) = y(2*m) + (1 - 2*side)*factor/pi*(x*c - s/m)
+          y(2*m + 1) = y(2*m + 1) + (1 - 2*side)*factor/pi*(x*s + c/m)
+        end associate
+      end do
+    end do
+  end subroutine add_ramp
 
   !> y <- y + factor chi.
   subroutine add_matrix(moments, factor, y)

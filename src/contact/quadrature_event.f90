@@ -86,28 +86,26 @@ contains
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     !> Where the slider goes with u; where with the radius, less where against it; and where open
-    type(moments_type) :: moving, along, opened
+    type(moments_type) :: moving, along, opened, weighted
     type(ends_type) :: ends
     real(wp) :: closed_normal
-    integer :: i, k, order
+    real(wp) :: by_normal(size(motion, 1), size(motion, 1))
+    integer :: i, k, order, p
 
     k = size(motion, 1)
     if (all(intervals%regime == regime_open)) then
       call let_go(law, motion, forces)
       return
     end if
-    order = (size(forces%deviation, 1) + k)/2 - 1
+    order = (size(forces%deviation, 1) + size(events%radius, 1))/2 - 1
     ends = new_ends([intervals(1)%from, intervals%to], order)
     moving = new_moments(order)
-    along = new_moments(order)
     opened = new_moments(order)
     do i = 1, size(intervals)
       if (intervals(i)%regime /= regime_stick) call moving%add(ends, i, 1.0_wp)
-      if (intervals(i)%regime == regime_slip) call along%add(ends, i, real(intervals(i)%side, wp))
       if (intervals(i)%regime == regime_open) call opened%add(ends, i, 1.0_wp)
     end do
     call moving%complete()
-    call along%complete()
     call opened%complete()
     closed_normal = law%normal_force(0.0_wp)
     forces%deviation = 0.0_wp
@@ -117,16 +115,32 @@ contains
                kn => law%normal_stiffness)
       ! w = u - r along the tangent, u + r against it
       call moving%add_product(motion(:, 1), -kt, g_t)
-      call along%add_product(0.5_wp*(events%upper - events%lower), kt, g_t)
       call opened%add_column(-closed_normal, g_n)
       call opened%add_product(motion(:, 2), -kn, g_n)
       if (.not. forces%without_jacobian) then
         allocate (forces%jacobian(2*k, 2*k))
         call moving%write_matrix(-kt, forces%jacobian(:k, :k))
-        call along%write_matrix(kt*events%slope, forces%jacobian(:k, k + 1:))
+        forces%jacobian(:k, k + 1:) = 0.0_wp
         forces%jacobian(k + 1:, :k) = 0.0_wp
         call opened%write_matrix(-kn, forces%jacobian(k + 1:, k + 1:))
       end if
+      do p = 1, size(events%radius, 2)
+        if (.not. any(intervals%regime == regime_slip .and. intervals%piece == p)) cycle
+        along = new_moments(order)
+        do i = 1, size(intervals)
+          if (intervals(i)%regime == regime_slip .and. intervals(i)%piece == p) call along%add(ends, i, real(intervals(i)%side, wp))
+        end do
+        call along%complete()
+        call along%add_product(events%radius(:, p), kt, g_t)
+        if (forces%without_jacobian) cycle
+        if (size(events%slope) == 1) then
+          call along%write_matrix(kt*events%slope(1, 1), forces%jacobian(:k, k + 1:))
+        else
+          weighted = along%weighted(events%slope(:, p), k - 1)
+          call weighted%write_matrix(kt, by_normal)
+          forces%jacobian(:k, k + 1:) = forces%jacobian(:k, k + 1:) + by_normal
+        end if
+      end do
     end associate
     call integrate_rest(law, intervals, ends, k, forces)
   end subroutine integrate

@@ -19,14 +19,12 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   implicit none
   private
-  public :: evaluate_contact_by_samples, contact_samples_type, sample_contact, deviation_at_samples, classify, differentiate
+  public :: evaluate_contact_by_samples, contact_samples_type, sample_contact
 
   !> What happens at the samples of one period
   type :: contact_samples_type
     !> Is no gradient wanted, nor whether the loop forgets its start?
     logical :: without_gradients = .false.
-    !> Of a period that passes (`attrito_contact_passing_period`): rho [J], and the step of the mean [rows]
-    real(wp), allocatable :: ramp(:), step(:)
     !> Displacement and force [J, rows]; slider [J, 2]
     real(wp), allocatable :: displacement(:, :), force(:, :), slider(:, :)
     !> Slip radius F/k_t, where open less than zero by what is missing, and its derivative by v [J]
@@ -137,11 +135,6 @@ contains
     n = law%tangents + 1
     allocate (samples%displacement(fourier%samples, n), samples%slider(fourier%samples, 2), samples%regimes(fourier%samples))
     call fourier%to_samples(motion, samples%displacement)
-    if (allocated(samples%ramp)) then
-      do i = 1, n
-        samples%displacement(:, i) = samples%displacement(:, i) + samples%step(i)*samples%ramp
-      end do
-    end if
     samples%slider = 0.0_wp
     samples%force = samples%displacement
     associate (normal => samples%force(:, n))
@@ -234,7 +227,9 @@ contains
 
     k = fourier%coefficients
     w = slider
-    from = set_out(law, fourier, samples)
+    associate (last => fourier%samples)
+      from = set_out_type(samples%displacement(last, 1:2), samples%radius(last), samples%slope(last), fourier%basis(:, last))
+    end associate
     if (passes > 1) w = samples%nearest%slider
     if (.not. samples%without_gradients) then
       allocate (gradient(3*k + 2, 2), source=0.0_wp)
@@ -257,28 +252,6 @@ contains
     if (samples%without_gradients) return
     samples%forgets = largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
   end subroutine march_disc
-
-  !> Where a period begins: at its last sample, or there less the step from period to period.
-  type(set_out_type) function set_out(law, fourier, samples) result(from)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> Transforms between coefficients and samples
-    type(fourier_type), intent(in) :: fourier
-    !> What the contact does at the samples of one period
-    type(contact_samples_type), intent(in) :: samples
-    real(wp) :: normal(1), radius(1), slope(1)
-
-    associate (last => fourier%samples)
-      from = set_out_type(samples%displacement(last, 1:2), samples%radius(last), samples%slope(last), fourier%basis(:, last))
-      if (.not. allocated(samples%step)) return
-      normal = law%normal_force(samples%displacement(last:last, 3) - samples%step(3))
-    end associate
-    call law%slip_force(normal, radius, slope)
-    from%u = from%u - samples%step(1:2)
-    from%r = radius(1)/law%tangential_stiffness
-    from%slope = slope(1)*law%normal_stiffness/law%tangential_stiffness
-    from%basis(1) = from%basis(1) - 1.0_wp
-  end function set_out
 
   !> Largest singular value of a 2 x 2 matrix.
   pure real(wp) function largest_singular_value(a)

@@ -12,8 +12,7 @@
 !>    e_\perp \cdot dw = \frac{l}{r} \, \frac{\kappa \, e_\perp \cdot du - (p/s)(e \cdot du' - dr')}{1 + \kappa l/r}, \qquad
 !>    \kappa = 1 - \frac{p^2}{r s} $$
 module attrito_contact_resting_place
-  use attrito_core_kinds, only: wp
-  use attrito_core_trigonometric, only: basis_at
+  use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_contact_disc_motion, only: disc_motion_type
   use attrito_contact_slider_projection, only: slider_projection_type, project_slider
   implicit none
@@ -32,6 +31,8 @@ module attrito_contact_resting_place
 
   !> Discs that are taken in at most
   integer, parameter :: most_discs = 64 ! guess
+  !> Distance from a kink of the radius that is none
+  real(wp), parameter :: near = 1.0e-7_wp ! derived
   !> Sine of the angle between two discs' normals below which one of them holds it alone
   real(wp), parameter :: parallel = 1.0e-6_wp ! derived
 
@@ -86,7 +87,7 @@ contains
 
     points = size(motion%sampled, 1) - 1
     associate (s => motion%sampled)
-      out_of(1:points) = sqrt((s(:points, 1) - w(1))**2 + (s(:points, 2) - w(2))**2) - s(:points, 3)
+      out_of(1:points) = sqrt((s(:points, 1) - w(1))**2 + (s(:points, 2) - w(2))**2) - motion%radii(:points)
     end associate
     out_of(0) = out_of(points)
     out_of(points + 1) = out_of(1)
@@ -175,7 +176,24 @@ contains
         side = -1
       end if
     end do
+    ! A maximum at a kink is no less than what is found beside it.
+    do iteration = 1, size(motion%kinks)
+      before = instant + distance_to(motion%kinks(iteration), instant)
+      if (abs(before - instant) > near) cycle
+      call slope_at(motion, w, before, f, f_low)
+      if (f_low < value) cycle
+      instant = before
+      value = f_low
+    end do
   end subroutine refine
+
+  !> From an instant to another one of the period, the shorter way.
+  elemental real(wp) function distance_to(other, instant) result(distance)
+    !> Angles of the period
+    real(wp), intent(in) :: other, instant
+
+    distance = modulo(other - instant + pi, two_pi) - pi
+  end function distance_to
 
   !> |u - w| - r and its slope.
   subroutine slope_at(motion, w, theta, slope, value)
@@ -201,6 +219,9 @@ contains
     type(resting_place_type), intent(in) :: place
     real(wp) :: gradient(3*size(motion%series, 2), 2)
     real(wp) :: basis(size(motion%series, 2), 2), jet(6, 2), e(2, 2), row(3*size(motion%series, 2), 2), determinant
+    !> dr/dv and its derivative by the angle; of an instant at which r' jumps its derivative by v there
+    real(wp) :: slope(2), turning(2), by_instant(2), by_v(2)
+    logical :: at_kink(2)
     integer :: i, k
 
     k = size(motion%series, 2)
@@ -208,10 +229,15 @@ contains
     if (place%count == 0) return
     do i = 1, place%count
       jet(:, i) = motion%at(place%instants(i))
-      basis(:, i) = basis_at(place%instants(i), motion%harmonics)
+      basis(:, i) = motion%basis_at(place%instants(i))
       e(:, i) = jet(1:2, i) - place%slider
       e(:, i) = e(:, i)/norm2(e(:, i))
-      row(:, i) = [e(1, i)*basis(:, i), e(2, i)*basis(:, i), -motion%slope*basis(:, i)]
+      call find_kink(motion, place%instants(i), jet(:, i), e(:, i), at_kink(i), by_instant(i))
+      by_v = motion%slope_at(place%instants(i))
+      slope(i) = by_v(1)
+      turning(i) = by_v(2)
+      if (at_kink(i)) slope(i) = -dot_product(jet(4:5, i), e(:, i))*by_instant(i)
+      row(:, i) = [e(1, i)*basis(:, i), e(2, i)*basis(:, i), -slope(i)*basis(:, i)]
     end do
     determinant = 0.0_wp
     if (place%count == 2) determinant = e(1, 1)*e(2, 2) - e(2, 1)*e(1, 2)
@@ -240,21 +266,46 @@ contains
       s = dot_product(second(1:2), e(:, i)) + p**2/jet(3, i) - second(3)
       kappa = 1.0_wp
       shift = 0.0_wp
-      if (s < -flat*(norm2(second) + p**2/jet(3, i))) then
+      if (s < -flat*(norm2(second) + p**2/jet(3, i)) .and. .not. at_kink(i)) then
         kappa = 1.0_wp - p**2/(jet(3, i)*s)
         shift = p/s
       end if
       across = 0.0_wp
+      across(2*k + 1:) = turning(i)*shift*basis(:, i)
       across(:2*k) = [aside(1)*basis(:, i), aside(2)*basis(:, i)]*kappa
       do h = 1, motion%harmonics
-        associate (rates => [e(1, i), e(2, i), -motion%slope]*h*shift)
+        associate (rates => [e(1, i), e(2, i), -slope(i)]*h*shift)
           across(2*h::k) = across(2*h::k) + rates*basis(2*h + 1, i)
           across(2*h + 1::k) = across(2*h + 1::k) - rates*basis(2*h, i)
         end associate
       end do
+      if (at_kink(i)) across(2*k + 1:) = p*by_instant(i)*basis(:, i)
       across = across*(part/(1.0_wp + kappa*part))
       gradient(:, 1) = e(1, i)*row(:, i) + aside(1)*across
       gradient(:, 2) = e(2, i)*row(:, i) + aside(2)*across
     end subroutine follow_one
   end function resting_gradient
+
+  !> Does r' jump at an instant that holds a slider, so that this is held where N is, d theta = -dv/v'?
+  pure subroutine find_kink(motion, instant, jet, e, at_kink, by_v)
+    !> Motion of the contact
+    type(disc_motion_type), intent(in) :: motion
+    !> Angle of the period
+    real(wp), intent(in) :: instant
+    !> u_1, u_2, r and their derivatives there; direction from the slider to the centre
+    real(wp), intent(in) :: jet(6), e(2)
+    !> Does it? Derivative of the instant by v
+    logical, intent(out) :: at_kink
+    real(wp), intent(out) :: by_v
+    !> Slope of |u - w| - r at a maximum that is found, over the size of its terms
+    real(wp), parameter :: flat = 1.0e-5_wp ! derived
+    real(wp) :: pressing(2)
+
+    by_v = 0.0_wp
+    at_kink = any(abs(distance_to(motion%kinks, instant)) < near)
+    if (at_kink) at_kink = abs(dot_product(jet(4:5), e) - jet(6)) > flat*(norm2(jet(4:5)) + abs(jet(6)))
+    if (.not. at_kink) return
+    pressing = motion%pressing_at(instant)
+    by_v = -motion%pressing/pressing(2)
+  end subroutine find_kink
 end module attrito_contact_resting_place

@@ -14,7 +14,8 @@ module attrito_contact_second_derivative_disc
   use attrito_model_contacts, only: contact_type
   use attrito_contact_disc_loop, only: holding_of
   use attrito_contact_disc_march, only: start_at, land, march_disc
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, new_disc_motion
+  use attrito_contact_disc_motion, only: disc_motion_type, new_disc_motion
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_disc_record, only: disc_state_type, disc_record_type, new_record
   use attrito_contact_forces, only: released
   use attrito_contact_quadrature_disc, only: find_cuts
@@ -92,21 +93,23 @@ contains
   !> The march, its panels listed.
   function march_again(motion, rules, cuts, slider) result(record)
     !> Motion of the contact; rules of panels
-    type(disc_motion_type), intent(in) :: motion
+    type(disc_motion_type), intent(inout) :: motion
     type(disc_rules_type), intent(in) :: rules
     !> Landings and openings in turn; slider at the start if there are none
     real(wp), intent(in) :: cuts(:), slider(2)
     type(disc_record_type) :: record
     type(disc_state_type) :: state
     type(slip_panel_type) :: panel
+    type(disc_rules_type) :: listing
     real(wp) :: first, next, none(0, 2)
     integer :: i
     logical :: entered
 
+    listing = rules
+    listing%lists_panels = .true.
     first = 0.0_wp
     if (size(cuts) > 0) first = cuts(1)
-    record = new_record(first, size(motion%series, 2), 1, 0, .false., .true., rules%radau%nodes)
-    allocate (record%panels(0))
+    record = new_record(first, size(motion%series, 2), 1, 0, .false., .true., listing)
     panel = new_slip_panel(rules, size(motion%series, 2))
     if (size(cuts) == 0) then
       call start_at(motion, 0.0_wp, slider, none, record, state, entered)

@@ -83,7 +83,7 @@ contains
       if (abs(normal(2)) <= 0.0_wp) return
       speed = -dot_product(basis, along(:, 2))/normal(2)
     else
-      clamp = merge(value_at(events%lower, after%from), value_at(events%upper, after%from), after%side > 0)
+      clamp = merge(value_at(events%lower(:, 1), after%from), value_at(events%upper(:, 1), after%from), after%side > 0)
       if (abs(clamp(2)) <= 0.0_wp) return
       speed = (slider_derivative(events, before, after%from, along) &
                - slider_derivative(events, after, after%from, along))/clamp(2)
@@ -119,7 +119,7 @@ contains
       change = dot_product(basis, x(:, 1)) + interval%by_normal*dot_product(basis, x(:, 2))
      case (regime_slip)
       basis = basis_at(theta, (size(x, 1) - 1)/2)
-      change = dot_product(basis, x(:, 1)) - interval%side*events%slope*dot_product(basis, x(:, 2))
+      change = dot_product(basis, x(:, 1)) - interval%side*events%slope(1, 1)*dot_product(basis, x(:, 2))
      case default
       change = dot_product(basis_at(theta, (size(x, 1) - 1)/2), x(:, 1))
     end select
@@ -178,7 +178,7 @@ contains
     t_v = value_at(along(:, 2), interval%origin)
     shift = 0.0_wp
     turn = 0.0_wp
-    if (abs(abs(interval%by_normal) - events%slope) <= 0.0_wp) then
+    if (abs(abs(interval%by_normal) - events%slope(1, 1)) <= 0.0_wp) then
       ! The end of slip: u' + b v' vanishes.
       associate (curvature => u(3) + interval%by_normal*v(3))
         if (abs(curvature) > 0.0_wp) shift = -(t_u(2) + interval%by_normal*t_v(2))/curvature

@@ -5,7 +5,8 @@
 !> with the matrix of Newton's method and a right-hand side for each parameter.
 module attrito_contact_slip_gradient
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, usual_nodes
+  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_rules, only: disc_rules_type, usual_nodes
   use attrito_contact_panel_rule, only: panel_rule_type
   use attrito_contact_slip_panel, only: slip_panel_type, invert_panel
   implicit none
@@ -60,19 +61,21 @@ contains
     right(:, 1) = -panel%scale*panel%jet(:, 3)*rule%derivative(:, 0)
     right(:, 2) = -panel%scale*panel%length*panel%e(:, 2)
     right(:, 3) = panel%scale*panel%length*panel%e(:, 1)
-    right(:, 4) = -panel%scale*panel%turn*motion%slope
+    right(:, 4) = -panel%scale*panel%turn*panel%slope
     harmonics = merge(motion%harmonics, -1, by_motion)
     if (rule%nodes == usual_nodes) then
-      call solve(usual_nodes, size(before), harmonics, inverse, right, before, panel%basis, gradient)
+      call solve(usual_nodes, size(before), harmonics, motion%passing, inverse, right, before, panel%basis, gradient)
     else
-      call solve(rule%nodes, size(before), harmonics, inverse, right, before, panel%basis, gradient)
+      call solve(rule%nodes, size(before), harmonics, motion%passing, inverse, right, before, panel%basis, gradient)
     end if
   end subroutine differentiate_by_rule
 
   !> The same on plain arrays, whose size is handed over by value: compilers then make code of its own for the usual one.
-  pure subroutine solve(n, columns, harmonics, inverse, right, before, basis, gradient)
+  pure subroutine solve(n, columns, harmonics, passing, inverse, right, before, basis, gradient)
     !> s; number of parameters; H, or -1 if coefficients of the motion are none of them
     integer, value :: n, columns, harmonics
+    !> Change of the means' function by the angle
+    real(wp), value :: passing
     !> A^-1; what the right-hand sides have of phi at the start, of u_1', u_2' and r
     real(wp), intent(in) :: inverse(n, n), right(n, 4)
     !> Of phi at the start; 1, cos, sin, ... at the nodes
@@ -91,12 +94,12 @@ contains
         h = j/2
         if (part == 3) then
           x = x + right(:, 4)*basis(:, j)
-        else if (j > 1) then
-          if (modulo(j, 2) == 0) then
-            x = x - h*right(:, part + 1)*basis(:, j + 1)
-          else
-            x = x + h*right(:, part + 1)*basis(:, j - 1)
-          end if
+        else if (j == 1) then
+          x = x + passing*right(:, part + 1)
+        else if (modulo(j, 2) == 0) then
+          x = x - h*right(:, part + 1)*basis(:, j + 1)
+        else
+          x = x + h*right(:, part + 1)*basis(:, j - 1)
         end if
       end if
       gradient(:, c) = x(1)*inverse(:, 1)

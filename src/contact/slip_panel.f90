@@ -11,7 +11,8 @@
 !> coefficient of phi measures the error, however wild phi is where r vanishes.
 module attrito_contact_slip_panel
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type, usual_nodes
+  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_rules, only: disc_rules_type, usual_nodes
   use attrito_contact_panel_rule, only: panel_rule_type
   implicit none
   private
@@ -24,6 +25,8 @@ module attrito_contact_slip_panel
     !> The nodes, weight of an integral over theta there, r, u_1', u_2', r' [s, 3:6], and 1, cos, sin, ... [s, e], up to the motion's
     !> harmonics where it is a series
     real(wp), allocatable :: theta(:), weight(:), jet(:, :), basis(:, :)
+    !> dr/dv there [s]
+    real(wp), allocatable :: slope(:)
     !> phi at the start and the nodes [0:s], d phi/dx and e at the nodes [s], [s, 2]
     real(wp), allocatable :: phi(:), turn(:), e(:, :)
     !> Of each equation: one over the size of its terms, r D, with D of order 20, and what turns the direction [s]
@@ -43,7 +46,7 @@ contains
     type(slip_panel_type) :: self
 
     associate (s => rules%radau%nodes)
-      allocate (self%theta(s), self%weight(s), self%jet(s, 3:6), self%basis(s, coefficients))
+      allocate (self%theta(s), self%weight(s), self%slope(s), self%jet(s, 3:6), self%basis(s, coefficients))
       allocate (self%phi(0:s), self%turn(s), self%e(s, 2), self%scale(s))
     end associate
   end function new_slip_panel
@@ -89,7 +92,7 @@ contains
 
     panel%weight = rule%weight*panel%length
     panel%theta = panel%from + panel%length*rule%x(1:)
-    call motion%at_nodes(panel%theta, panel%basis, panel%jet)
+    call motion%at_nodes(panel%theta, panel%basis, panel%jet, panel%slope)
     panel%jet(:, 3) = max(panel%jet(:, 3), 0.0_wp)
     call guess(rule, panel)
     call iterate(rule, tolerance, panel, solved)

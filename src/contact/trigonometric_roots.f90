@@ -8,8 +8,7 @@ module attrito_contact_trigonometric_roots
   use attrito_core_trigonometric, only: basis_at, value_at
   implicit none
   private
-  public :: trigonometric_grid_type, new_grid, roots_of, roots_from_samples, roots_of_cubics, roots_by_column, root_between, &
-            differentiate
+  public :: trigonometric_grid_type, new_grid, roots_of, roots_by_column, root_between, differentiate
 
   type :: trigonometric_grid_type
     !> Grid points, from 0 to 2 pi, both included [M]
@@ -64,22 +63,6 @@ contains
     roots = roots_by_column(reshape(coefficients, [size(coefficients), 1]), grid)
   end function roots_of
 
-  !> The same of a polynomial whose values and slopes on the grid are known.
-  function roots_from_samples(coefficients, theta, values, slopes) result(roots)
-    !> Coefficients; grid, values and slopes there
-    real(wp), intent(in) :: coefficients(:), theta(:), values(:), slopes(:)
-    real(wp), allocatable :: roots(:)
-    real(wp) :: found(2*size(theta)), derivative(size(coefficients)), f(size(theta))
-    integer :: count
-
-    call differentiate(coefficients, derivative)
-    ! A root on a grid point belongs to the step before it: what counts there is the sign after it.
-    f = merge(sign(tiny(1.0_wp), slopes), values, abs(values) <= 0.0_wp)
-    count = 0
-    call collect(coefficients, derivative, theta, f, slopes, found, count)
-    roots = found(:count)
-  end function roots_from_samples
-
   !> Every root at which one of several polynomials changes sign, unordered.
   function roots_by_column(coefficients, grid) result(roots)
     !> [coefficients, polynomials]
@@ -96,7 +79,7 @@ contains
       both(:, i) = coefficients(:, i)
       call differentiate(coefficients(:, i), both(:, n + i))
     end do
-    sampled = matmul(grid%values, both)
+    sampled = matmul(grid%values(:, :size(both, 1)), both)
     count = 0
     do i = 1, n
       ! A root on a grid point belongs to the step before it: what counts there is the sign after it.
@@ -132,37 +115,6 @@ contains
       end if
     end do
   end subroutine collect
-
-  !> Every root at which the cubics with these values and slopes at the points of a grid change sign, to three digits or more.
-  pure function roots_of_cubics(theta, values, slopes) result(roots)
-    !> Grid, values and slopes there
-    real(wp), intent(in) :: theta(:), values(:), slopes(:)
-    real(wp), allocatable :: roots(:)
-    real(wp) :: step, at_left, at_right, rise, square, cube, both, turn, there
-    integer :: j
-
-    allocate (roots(0))
-    do j = 1, size(theta) - 1
-      step = theta(j + 1) - theta(j)
-      at_left = step*slopes(j)
-      at_right = step*slopes(j + 1)
-      if ((values(j) < 0.0_wp) .neqv. (values(j + 1) < 0.0_wp)) then
-        roots = [roots, theta(j) + step*cubic_root(values(j:j + 1), [at_left, at_right])]
-      else if (values(j)*at_left < 0.0_wp .and. values(j + 1)*at_right > 0.0_wp) then
-        rise = values(j + 1) - values(j)
-        square = 3.0_wp*rise - 2.0_wp*at_left - at_right
-        cube = 3.0_wp*(at_left + at_right - 2.0_wp*rise)
-        ! Slopes have two signs, so that one of the derivative's two roots lies between.
-        both = -square - sign(sqrt(max(square**2 - cube*at_left, 0.0_wp)), square)
-        turn = at_left/both
-        if (.not. (turn > 0.0_wp .and. turn < 1.0_wp)) turn = both/cube
-        there = values(j) + turn*(at_left + turn*(square + turn*cube/3.0_wp))
-        if (there*values(j) >= 0.0_wp) cycle
-        roots = [roots, theta(j) + step*turn*cubic_root([values(j), there], [turn*at_left, 0.0_wp]), &
-                 theta(j) + step*(turn + (1.0_wp - turn)*cubic_root([there, values(j + 1)], [0.0_wp, (1.0_wp - turn)*at_right]))]
-      end if
-    end do
-  end function roots_of_cubics
 
   !> Near the root in [0, 1] of the cubic with these values, of two signs, and slopes at 0 and 1.
   pure real(wp) function cubic_root(f, slope) result(x)

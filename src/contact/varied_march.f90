@@ -11,7 +11,8 @@ module attrito_contact_varied_march
                                     operator(+), operator(-), operator(*)
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: basis_at
-  use attrito_contact_disc_motion, only: disc_rules_type, disc_motion_type
+  use attrito_contact_disc_motion, only: disc_motion_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_disc_record, only: disc_record_type
   use attrito_contact_panel_rule, only: panel_rule_type
   use attrito_contact_slip_panel, only: slip_panel_type, invert_panel

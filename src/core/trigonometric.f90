@@ -3,7 +3,7 @@ module attrito_core_trigonometric
   use attrito_core_kinds, only: wp, pi, two_pi
   implicit none
   private
-  public :: harmonics_at, basis_at, value_at, extrema, extreme_angles, resized, to_complex, to_real, work_per_period
+  public :: harmonics_at, basis_at, value_at, product_of, extrema, extreme_angles, resized, to_complex, to_real, work_per_period
 
   !> Harmonics that are carried on at a time, each of which waits for none of the others
   integer, parameter :: stride = 4 ! conventional
@@ -50,6 +50,42 @@ contains
       coefficients(2*h + 1, :) = -aimag(columns(:, h))
     end do
   end function to_real
+
+  !> Coefficients of the product of two series, by X_h e^(i h theta): X_h = (a_ch - i a_sh)/2 [size of both, less one].
+  pure function product_of(one, other) result(product)
+    !> Coefficients
+    real(wp), intent(in) :: one(:), other(:)
+    real(wp) :: product(size(one) + size(other) - 1)
+    complex(wp) :: sum(0:size(product)/2)
+    integer :: h, g
+
+    sum = (0.0_wp, 0.0_wp)
+    associate (x => two_sided(one), y => two_sided(other), last => size(other)/2)
+      do h = 0, ubound(sum, 1)
+        do g = max(h - last, -(size(one)/2)), min(h + last, size(one)/2)
+          sum(h) = sum(h) + x(size(one)/2 + 1 + g)*y(last + 1 + h - g)
+        end do
+      end do
+    end associate
+    product(1) = real(sum(0), wp)
+    product(2::2) = 2.0_wp*real(sum(1:), wp)
+    product(3::2) = -2.0_wp*aimag(sum(1:))
+  end function product_of
+
+  !> X_h, h = -H ... H.
+  pure function two_sided(series) result(x)
+    !> Coefficients
+    real(wp), intent(in) :: series(:)
+    complex(wp) :: x(size(series))
+    integer :: h, middle
+
+    middle = size(series)/2 + 1
+    x(middle) = series(1)
+    do h = 1, middle - 1
+      x(middle + h) = 0.5_wp*cmplx(series(2*h), -series(2*h + 1), wp)
+      x(middle - h) = conjg(x(middle + h))
+    end do
+  end function two_sided
 
   !> cos h theta and sin h theta, h = 1 ... H.
   pure subroutine harmonics_at(theta, cosines, sines)

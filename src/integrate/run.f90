@@ -133,7 +133,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
 
     if (scheme /= scheme_event) return
-    if (.not. all(system%law%has_events())) then
+    if (.not. all(system%law%is_proportional())) then
       call raise(error, 'scheme event: a contact law that is not proportional to the normal force has no closed form in slip:'// &
                  ' expected another scheme', fault_of_input)
     end if

@@ -11,7 +11,7 @@
 !> itself. Sliders of a contact are kept in pairs, one an element, the second of a pair zero with one tangent.
 module attrito_model_contacts
   use attrito_core_kinds, only: wp
-  use attrito_contact_law_contact_law, only: contact_law_type, element_type
+  use attrito_contact_law_contact_law, only: contact_law_type, element_type, limit_type
   use attrito_contact_law_coulomb_spring, only: coulomb_spring_type
   implicit none
   private
@@ -45,7 +45,8 @@ module attrito_model_contacts
     procedure :: touching_force
     procedure :: slip_force
     procedure :: least_coefficient
-    procedure :: has_events
+    procedure :: is_proportional
+    procedure :: limits
     procedure :: elements
     procedure :: element
     procedure :: part
@@ -131,15 +132,24 @@ contains
   end function least_coefficient
 
   !> Is F = mu N with the contact's own coefficient?
-  elemental logical function has_events(self)
+  elemental logical function is_proportional(self)
     class(contact_type), intent(in) :: self
 
+    is_proportional = .true.
+    if (associated(self%law)) is_proportional = self%law%is_proportional()
+  end function is_proportional
+
+  !> F by normal forces that ascend.
+  pure function limits(self)
+    class(contact_type), intent(in) :: self
+    type(limit_type), allocatable :: limits(:)
+
     if (associated(self%law)) then
-      has_events = self%law%has_events()
+      limits = self%law%limits(self%friction_coefficient)
     else
-      has_events = coulomb_spring%has_events()
+      limits = coulomb_spring%limits(self%friction_coefficient)
     end if
-  end function has_events
+  end function limits
 
   !> How many elements its law has in parallel.
   elemental integer function elements(self)

@@ -100,7 +100,7 @@ contains
     sampled = 0.0_wp
     do i = 1, size(balance%law)
       if (.not. allocated(balance%forces(i)%jacobian)) cycle
-      if (.not. goes_by_events(balance%law(i), balance%quadrature)) sampled = 1.0_wp
+      if (.not. (goes_by_events(balance%law(i), balance%quadrature) .and. balance%law(i)%is_proportional())) sampled = 1.0_wp
     end do
     has = .not. balance%ranks%largest(sampled) > 0.0_wp
   end function has_second_derivatives

@@ -41,7 +41,7 @@ contains
         last = first + law%tangents
         columns = reshape([(directions(n)%motion(:, first:last), n=1, size(directions))], [k*(law%tangents + 1), size(directions)])
         allocate (product, mold=columns)
-        done = goes_by_events(law, balance%quadrature)
+        done = goes_by_events(law, balance%quadrature) .and. law%is_proportional()
         if (done) call sum_elements(balance, motion(:, first:last), i, along, directions, columns, product, done)
         if (.not. done) product = difference(balance, motion, i, along, columns)
         do n = 1, size(directions)

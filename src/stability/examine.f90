@@ -156,7 +156,7 @@ contains
     type(error_type), allocatable, intent(out) :: error
     type(structure_type) :: structure
 
-    if (.not. all(solver%contacts%law%has_events())) then
+    if (.not. all(solver%contacts%law%is_proportional())) then
       call raise(error, 'stability: a contact law that is not proportional to the normal force: expected Coulomb''s', &
                  fault_of_input)
       return

@@ -94,19 +94,6 @@ JOB = [
         ("job.toml: [balance] harmonics = 2.5: expected an integer from 1 to 1000",),
     ),
     Case(
-        "too few samples for the harmonics",
-        both(
-            put("contact", 0, law="pressure", friction_coefficient=[[1.0, 0.5]], area=1.0),
-            put("balance", harmonics=5, samples=16),
-        ),
-        ("job.toml: [balance] samples = 16: expected at least 22 samples for 5 harmonics",),
-    ),
-    Case(
-        "more samples than memory holds",
-        put("balance", samples=10**9),
-        ("job.toml: [balance] samples = 1000000000: expected an integer from 8 to 1048576",),
-    ),
-    Case(
         "an integer beyond 32 bits",
         put("continuation", max_points=2**32 + 1),
         ("job.toml: [continuation] max_points = 4294967297: expected an integer from 2 to 2147483647",),

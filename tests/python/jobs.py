@@ -199,8 +199,8 @@ def chain(contacts: int = 3, tangents: int = 1) -> Job:
     }
 
 
-def by_samples(job: Job) -> Job:
-    """The job with one coefficient for all pressures: the same friction, by a law that goes by samples."""
+def by_pressure(job: Job) -> Job:
+    """The job with one coefficient for all pressures: the same friction by another law."""
     for contact in job["contact"]:
         contact |= {"law": "pressure", "friction_coefficient": [[1.0, contact["friction_coefficient"]]], "area": 1.0}
     return job

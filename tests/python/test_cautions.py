@@ -38,7 +38,7 @@ def test_a_sound_scene_brings_no_warning(tmp_path, capfd):
     [
         ("contacts", "all", "every pair is solved"),
         ("contacts", "auto", "every pair is solved"),
-        ("quadrature", "sampled", "contacts go by events, friction by pressure by samples"),
+        ("quadrature", "sampled", "contacts go by events"),
         ("samples", 64, "contacts go by events"),
     ],
 )

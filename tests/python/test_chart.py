@@ -10,7 +10,7 @@ import mode_jobs
 import numpy as np
 import pytest
 from figures import line
-from jobs import attrito_here, by_samples, wedge, write_job
+from jobs import attrito_here, wedge, write_job
 
 from attrito.charts import modes
 from attrito.charts import run as chart
@@ -141,10 +141,10 @@ def test_a_chart_that_is_stopped_keeps_what_there_is(tmp_path, few_ways):
     assert kept[-1].count("\n") == kept[0].count("\n") + 2
 
 
-def test_the_fixed_harmonics_and_samples_of_a_job_are_its_own_way(tmp_path, few_ways):
-    path = str(tmp_path / write_job(tmp_path, by_samples(rubbing_wedge(harmonics=5, samples=128))))
+def test_the_fixed_harmonics_of_a_job_are_its_own_way(tmp_path, few_ways):
+    path = str(tmp_path / write_job(tmp_path, rubbing_wedge(harmonics=5)))
     ways = chart.chart_job(path, 5.0).ways
-    assert [(way.series, way.label) for way in ways if way.own] == [("sampled", "H = 5, J = 128")]
+    assert [(way.series, way.label) for way in ways if way.own] == [("event", "H = 5")]
 
 
 def test_series_take_turns_until_the_time_is_spent():

@@ -91,6 +91,18 @@ def joint(sliders: int, chi: float, beta: float, force: float = 10.0) -> Job:
     }
 
 
+def block(sliders: int, press: float = 80.0, **harmonic: object) -> Job:
+    """A mass on springs that rubs along two tangents, alike along both but for what is in `harmonic`."""
+    job = joint(sliders, CHI, BETA)
+    job["model"] = {"mass": np.eye(3).tolist(), "stiffness": np.diag([1.0e5, 1.0e5, 1.0e6]).tolist()}
+    job["contact"][0] |= {"normal": [[2, 1.0]], "tangents": [[[0, 1.0]], [[1, 1.0]]]}
+    job["load"] = [
+        {"name": "press", "kind": "static", "dofs": [[2, press]]},
+        {"name": "shake", "kind": "harmonic", **harmonic},
+    ]
+    return job
+
+
 def in_folder(folder: Path, job: Job, ranks: int | None = None) -> Path:
     """Run a job in a folder of its own."""
     folder.mkdir()
@@ -134,6 +146,34 @@ def test_the_balance_has_the_amplitude_of_exact_integration_in_time(tmp_path):
         assert float(balance[key]) == pytest.approx(value, rel=2e-5)
     plain = table(in_folder(tmp_path / "coulomb", wedge()))[0]
     assert abs(float(balance["x_amplitude"]) / float(plain["x_amplitude"]) - 1.0) > 1e-2, "Coulomb's law gives the same"
+
+
+def test_a_point_along_two_tangents_is_that_of_plain_contacts_side_by_side(tmp_path):
+    job = block(6, cosine=[[0, 15.0], [2, 30.0]], sine=[[1, 9.0]])
+    folders = [in_folder(tmp_path / name, each) for name, each in (("law", job), ("plain", side_by_side(job)))]
+    together, apart = (table(folder)[0] for folder in folders)
+    for key in ("x_amplitude", "x_mean"):
+        # Panels of slip leave 1e-8 of each slider's force.
+        assert float(together[key]) == pytest.approx(float(apart[key]), rel=1e-7)
+    rows = table(folders[0], "--contacts")[0], table(folders[1], "--contacts")
+    for key in ("n_mean", "t1_mean", "t2_mean", "dissipated_energy"):
+        assert float(rows[0][key]) == pytest.approx(sum(float(row[key]) for row in rows[1]), rel=1e-6)
+    slips = [float(row["slip"]) for row in rows[1]]
+    assert min(slips) < 1.0 and max(slips) > 0.99, "all sliders do the same: the test is void"
+
+
+def test_sliders_that_go_round_lose_2_pi_times_force_times_their_radius(tmp_path):
+    """|u| = a all over the period: w goes round with z = u - w at right angles to it, |w|^2 = a^2 - phi^2."""
+    job = block(20, cosine=[[0, 12.0]], sine=[[1, 12.0]])
+    job["sweep"]["levels"] = [0.05, 0.3, 1.0]
+    folder = in_folder(tmp_path / "round", job)
+    amplitudes = np.array([float(row["x_amplitude"]) for row in table(folder)])
+    energy = np.array([float(row["dissipated_energy"]) for row in table(folder, "--contacts")])
+    k, f = (whole * parts for whole, parts in zip((3.0e5, 20.0), parts_of(20, CHI, BETA), strict=True))
+    slipping = np.array([np.count_nonzero(a > f / k) for a in amplitudes])
+    assert 0 < slipping[0] < slipping[1] < slipping[2], "as many slip at all levels: the test is void"
+    expected = np.array([np.sum(2.0 * np.pi * f * np.sqrt(np.maximum(a**2 - (f / k) ** 2, 0.0))) for a in amplitudes])
+    assert energy == pytest.approx(expected, rel=1e-6)
 
 
 @pytest.mark.parametrize("beta", [0.0, 0.5])
@@ -251,9 +291,24 @@ def test_a_sweep_that_begins_at_a_stored_point_takes_up_all_sliders(tmp_path):
     assert np.allclose(after, before, rtol=0, atol=1e-8 * np.abs(before).max())
 
 
-def test_peaks_and_their_derivatives_are_those_of_plain_contacts_side_by_side(tmp_path):
+def rubbing_block() -> Job:
+    """Along two tangents, near resonance."""
+    job = block(3, cosine=[[0, 15.0], [2, 30.0]], sine=[[1, 9.0]])
+    job["balance"] = {"harmonics": 3}
+    job["sweep"] = {"start_hz": 75.0, "stop_hz": 45.0}
+    return job
+
+
+def rubbing_line() -> Job:
+    """Along one."""
     job = rubbing_wedge(harmonics=3)
     job["sweep"] = {"start_hz": 150.0, "stop_hz": 110.0}
+    return job
+
+
+@pytest.mark.parametrize("make", [rubbing_line, rubbing_block])
+def test_peaks_and_their_derivatives_are_those_of_plain_contacts_side_by_side(tmp_path, make):
+    job = make()
     # Every slider slips there, so that points are unique.
     job["peak"] = {"parameter": "level", "start": 2.0, "stop": 4.0, "values": [2.6, 3.2]}
     found = []
@@ -335,9 +390,3 @@ def test_keys_that_do_not_go_with_the_law_are_refused(tmp_path, keys, words):
     contact = job["contact"][0] | keys
     job["contact"][0] = {key: value for key, value in contact.items() if value is not None}
     assert words in run(tmp_path, job, code=2).stderr
-
-
-def test_two_tangents_are_refused_with_the_law_by_name(tmp_path):
-    job = chain(tangents=2)
-    job["contact"][1] |= iwan(5)
-    assert 'contact[1] tangents = 2: expected one tangent with law = "iwan"' in run(tmp_path, job, code=2).stderr

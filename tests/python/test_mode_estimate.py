@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from jobs import Job, attrito, by_samples, table, write_job
+from jobs import Job, attrito, table, write_job
 from mode_jobs import rubbing, weakly_damped_wedge
 
 
@@ -57,20 +57,3 @@ def test_the_estimate_is_the_error_against_a_series_six_times_as_long(tmp_path, 
         error = true_error(row, reference)
         assert error / 3.0 <= row["estimate"] <= 10.0 * error + 1e-6
     assert slipping >= 6, "the test is void unless it slips"
-
-
-def test_the_estimate_sees_samples(tmp_path):
-    job = by_samples(rubbing(harmonics=7))
-    job["balance"] |= {"samples": 64}
-    rows = rows_of(tmp_path / "sampled", job)
-    references = rows_of(tmp_path / "events", rubbing(harmonics=42))
-    slipping = [
-        (row["estimate"], true_error(row, reference))
-        for row, reference in zip(rows, references, strict=True)
-        if row["dissipated_energy"] > 0.0
-    ]
-    assert len(slipping) >= 6, "the test is void unless it slips"
-    for estimate, error in slipping:
-        assert error / 3.0 <= estimate <= 10.0 * error
-    # With events the same series errs by 6e-5 at most: most of this is by samples.
-    assert max(error for _, error in slipping) > 3e-4

@@ -10,7 +10,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from jobs import attrito, blocks, by_samples, chain, run, table, wedge, write_blocks, write_job
+from jobs import attrito, blocks, by_pressure, chain, run, table, wedge, write_blocks, write_job
 
 POINT_COLUMNS = (
     "point,branch,frequency_hz,converged,outcome,stable,unique,period,iterations,estimate,"
@@ -303,7 +303,7 @@ def test_a_reduced_model_without_modes_inside_goes_through_every_command(tmp_pat
         assert rom["reduction"].attrs["worst_error"] > 1e-3
 
 
-@pytest.mark.parametrize("law", [dict, by_samples], ids=["by events", "by samples"])
+@pytest.mark.parametrize("law", [dict, by_pressure], ids=["coulomb", "pressure"])
 def test_bodies_that_only_friction_holds_find_their_equilibrium(tmp_path, law):
     """Two masses joined by a spring k and pressed on the ground by P each are pushed apart by F > mu P: both slip.
 
@@ -381,7 +381,7 @@ def test_a_mass_that_only_its_contact_holds_is_solved_with_every_damping(tmp_pat
     assert free == pytest.approx(1.0 / omega**2, rel=1.0e-2)
 
 
-@pytest.mark.parametrize("law", [dict, by_samples], ids=["by events", "by samples"])
+@pytest.mark.parametrize("law", [dict, by_pressure], ids=["coulomb", "pressure"])
 def test_a_static_path_passes_the_closing_of_a_gap(tmp_path, law):
     """One step ends where the contact just closes, N = 0 to the last digit, and the next begins to slip."""
     job = wedge(1.0e6, 1.0)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import incremental
 import numpy as np
 import pytest
-from jobs import by_samples, run, table, wedge
+from jobs import by_pressure, run, table, wedge
 from mpi4py import MPI
 
 from attrito.library.integrator import Integrator
@@ -150,7 +150,7 @@ def stiff_wedge(stiffness: float):
     return job
 
 
-@pytest.mark.parametrize("law", [dict, by_samples], ids=["by events", "by samples"])
+@pytest.mark.parametrize("law", [dict, by_pressure], ids=["coulomb", "pressure"])
 @pytest.mark.parametrize("stiffness", [5e12, 1e13, 1e14, 1e15])
 def test_contacts_up_to_ten_thousand_million_times_as_stiff_as_the_body_are_solved(tmp_path, stiffness, law):
     run(tmp_path, law(stiff_wedge(stiffness)))
@@ -163,7 +163,7 @@ def test_contacts_up_to_ten_thousand_million_times_as_stiff_as_the_body_are_solv
     )
 
 
-@pytest.mark.parametrize("law", [dict, by_samples], ids=["by events", "by samples"])
+@pytest.mark.parametrize("law", [dict, by_pressure], ids=["coulomb", "pressure"])
 @pytest.mark.parametrize("stiffness", [1e17, 1e18, 1e20, 1e22])
 def test_contacts_too_stiff_for_the_digits_of_a_number_are_refused_by_name(tmp_path, stiffness, law):
     done = run(tmp_path, law(stiff_wedge(stiffness)), code=1)

@@ -2,7 +2,7 @@
 module random_discs
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_disc_motion, only: disc_rules_type
+  use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use scenes, only: noise
@@ -40,10 +40,8 @@ contains
     real(wp), intent(in) :: motion(:, :), slider(2)
     logical, intent(in) :: periodic
     type(contact_forces_type) :: forces
-    logical :: done
 
     allocate (forces%deviation(size(motion, 1), 3))
-    call evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces, done)
-    if (.not. done) error stop 'no panel is short enough'
+    call evaluate_contact_by_disc_events(law, rules, motion, slider, periodic, forces)
   end function forces_of
 end module random_discs

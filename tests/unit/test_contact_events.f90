@@ -9,7 +9,7 @@ program test_contact_events
   use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
   use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
-  use attrito_contact_trigonometric_roots, only: new_grid, roots_of, roots_of_cubics
+  use attrito_contact_trigonometric_roots, only: new_grid, roots_of
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close
   implicit none
@@ -30,8 +30,7 @@ program test_contact_events
                 test('a stuck contact has a constant deviation and no Jacobian', stuck), &
                 test('an open contact has the Jacobian of minus its springs', opened), &
                 test('one period reaches the steady loop, whatever the start', forgets), &
-                test('roots are found where several, a close pair, or none are', roots), &
-                test('cubics through a cosine have its roots', roots_by_cubics)], quiet=.false.) > 0) error stop 1
+                test('roots are found where several, a close pair, or none are', roots)], quiet=.false.) > 0) error stop 1
 
 contains
 
@@ -275,28 +274,4 @@ contains
                      [-1.0_wp, 1.0_wp]*acos(1.0_wp - close), 1.0e-12_wp/sqrt(close), 'a close pair')
     call check(error, size(roots_of([1.0_wp + close, 1.0_wp, 0.0_wp], new_grid(1))) == 0, 'a pair that just misses')
   end subroutine roots
-
-  subroutine roots_by_cubics(error)
-    type(error_type), allocatable, intent(out) :: error
-    integer, parameter :: points = 64
-    real(wp), parameter :: step = 2.0_wp*pi/points
-    real(wp) :: theta(0:points), values(0:points), angle
-    real(wp), allocatable :: found(:)
-    integer :: i, j
-
-    theta = [(step*j, j=0, points)]
-    do i = 1, 30
-      ! Roots apart by twice the angle: the last ones lie in one step, whose middle is the maximum.
-      angle = 0.44_wp*step*1.15_wp**(30 - i)
-      values = cos(theta - 0.5_wp*step) - cos(angle)
-      found = roots_of_cubics(theta, values, -sin(theta - 0.5_wp*step))
-      found = modulo(found - 0.5_wp*step + pi, 2.0_wp*pi) - pi
-      call check(error, size(found) == 2, 'two roots')
-      if (allocated(error)) return
-      ! Cubics err by step^4/384, roots by that over the slope; what Newton's three steps leave is less.
-      call check_close(error, [minval(found), maxval(found)], [-angle, angle], step**4/384.0_wp/sin(angle), 'roots')
-    end do
-    values = cos(theta - 0.5_wp*step) - 1.001_wp
-    call check(error, size(roots_of_cubics(theta, values, -sin(theta - 0.5_wp*step))) == 0, 'a pair that just misses')
-  end subroutine roots_by_cubics
 end program test_contact_events

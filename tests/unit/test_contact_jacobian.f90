@@ -9,7 +9,6 @@ program test_contact_jacobian
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_forces, only: contact_forces_type, released
-  use attrito_contact_passing_period, only: evaluate_passing_period
   use attrito_contact_quadrature_sampled, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use scenes, only: noise
@@ -28,8 +27,6 @@ program test_contact_jacobian
                 test('two tangents that have shaken down are not said to slip, and have the Jacobian of differences', &
                      shaken_down_of_two), &
                 test('two tangents marched from where they are have the Jacobian of their two marches', two_marches), &
-                test('a period that passes has the Jacobian of differences', passing_period), &
-                test('a contact dragged at a constant rate bears friction throughout, whatever its period', dragged), &
                 test('an open contact has the Jacobian of minus its springs', open_contact), &
                 test('rows that are not active are zero', inactive_rows)], quiet=.false.) > 0) error stop 1
 
@@ -43,11 +40,9 @@ contains
   end function law_of
 
   !> Forces of a contact; a periodic slider is found from the one given.
-  function forces_of(motion, slider, periodic, mean_before) result(forces)
+  function forces_of(motion, slider, periodic) result(forces)
     real(wp), intent(in) :: motion(:, :), slider(2)
     logical, intent(in) :: periodic
-    !> Of a period that passes once [rows]
-    real(wp), intent(in), optional :: mean_before(:)
     type(contact_forces_type) :: forces
     type(fourier_type) :: fourier
     real(wp) :: start(2), step(2, 1)
@@ -56,13 +51,8 @@ contains
     fourier = new_fourier(harmonics, samples)
     allocate (forces%deviation(size(motion, 1), size(motion, 2)))
     start = slider
-    if (present(mean_before)) forces%mean_before = mean_before
     do i = 1, 50
-      if (present(mean_before)) then
-        call evaluate_passing_period(law_of(2), fourier, motion, start, forces)
-      else
-        call evaluate_contact_by_samples(law_of(size(motion, 2) - 1), fourier, motion, start, periodic, forces)
-      end if
+      call evaluate_contact_by_samples(law_of(size(motion, 2) - 1), fourier, motion, start, periodic, forces)
       if (.not. forces%follows()) exit
       if (norm2(forces%moved) <= 1.0e-15_wp) exit
       step = released(forces%link%holding, reshape(forces%moved, [2, 1]))
@@ -83,27 +73,25 @@ contains
   end function motion_of
 
   !> Compare, and check that the contact is in the state that the test is about.
-  subroutine compare(error, motion, slider, periodic, state, mean_before)
+  subroutine compare(error, motion, slider, periodic, state)
     type(error_type), allocatable, intent(inout) :: error
     real(wp), intent(in) :: motion(:, :), slider(2)
     logical, intent(in) :: periodic
     integer, intent(in) :: state
-    !> Of a period that passes once [rows]
-    real(wp), intent(in), optional :: mean_before(:)
     type(contact_forces_type) :: at, above, below
     real(wp) :: moved(size(motion, 1), size(motion, 2)), difference(size(motion))
     integer :: i, j
 
-    at = forces_of(motion, slider, periodic, mean_before)
+    at = forces_of(motion, slider, periodic)
     call check(error, at%state == state, 'the contact is in another state: the test is void')
     if (allocated(error)) return
     do j = 1, size(motion, 2)
       do i = 1, k
         moved = motion
         moved(i, j) = motion(i, j) + step
-        above = forces_of(moved, slider, periodic, mean_before)
+        above = forces_of(moved, slider, periodic)
         moved(i, j) = motion(i, j) - step
-        below = forces_of(moved, slider, periodic, mean_before)
+        below = forces_of(moved, slider, periodic)
         difference = reshape((above%deviation - below%deviation)/(2.0_wp*step), [size(motion)])
         call check_close(error, at%jacobian(:, (j - 1)*k + i), difference, tolerance, 'column')
       end do
@@ -127,39 +115,6 @@ contains
       call compare(error, motion_of(2, seed, 1.0_wp), [0.1_wp, 0.2_wp], .true., state_slipping)
     end do
   end subroutine slip_of_two
-
-  !> Its mean and the slider anywhere, closed throughout and not.
-  subroutine passing_period(error)
-    type(error_type), allocatable, intent(out) :: error
-    integer :: seed
-
-    do seed = 1, 10
-      call compare(error, motion_of(2, seed, 1.0_wp), [0.1_wp, 0.2_wp], .false., state_slipping, 0.3_wp*noise(3, seed + 20))
-      call compare(error, motion_of(2, seed, 0.3_wp), [0.1_wp, 0.2_wp], .false., state_slipping, 0.3_wp*noise(3, seed + 40))
-    end do
-  end subroutine passing_period
-
-  !> The slider on the rim behind it at the start, half a step and half a sample before the mean: T = mu N along the step, and no
-  !> harmonics of it.
-  subroutine dragged(error)
-    type(error_type), allocatable, intent(out) :: error
-    type(contact_forces_type) :: forces
-    real(wp), parameter :: normal = 0.8_wp, along(2) = [0.6_wp, 0.8_wp], length = 2.0_wp
-    real(wp) :: motion(k, 3), start(2), force(k, 3)
-    integer :: i
-
-    motion = 0.0_wp
-    motion(1, :) = [0.3_wp, -0.2_wp, normal]
-    start = motion(1, :2) - (0.5_wp*length*(1.0_wp + 1.0_wp/samples) + 0.4_wp*5.0_wp*normal/3.0_wp)*along
-    forces = forces_of(motion, start, .false., motion(1, :) - [length*along, 0.0_wp])
-    force = forces%deviation
-    do i = 1, 3
-      force(:, i) = force(:, i) + merge(3.0_wp, 5.0_wp, i < 3)*motion(:, i)
-    end do
-    call check_close(error, force(1, :), 5.0_wp*normal*[0.4_wp*along, 1.0_wp], 1.0e-12_wp, 'mean')
-    call check_close(error, reshape(force(2:, :), [3*(k - 1)]), [(0.0_wp, i=1, 3*(k - 1))], 1.0e-12_wp, 'harmonics')
-    call check_close(error, forces%moved, length*along, 1.0e-12_wp, 'slider')
-  end subroutine dragged
 
   subroutine lift_off_of_one(error)
     type(error_type), allocatable, intent(out) :: error

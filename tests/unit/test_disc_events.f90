@@ -1,9 +1,11 @@
 !> Contact forces of two tangents by events: against samples that converge to them, finer panels, one tangent, and differences.
 program test_disc_events
   use attrito_core_errors, only: error_type
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: wp, pi
+  use attrito_core_trigonometric, only: extrema
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_disc_motion, only: disc_rules_type, new_disc_rules, new_rough_rules
+  use attrito_contact_disc_motion, only: disc_motion_type, new_disc_motion
+  use attrito_contact_disc_rules, only: disc_rules_type, new_disc_rules, new_rough_rules
   use attrito_contact_forces, only: contact_forces_type, released
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
@@ -18,7 +20,9 @@ program test_disc_events
   if (run_suite('disc events', [ &
                 test('samples converge to the events, in contact and through landing', samples_converge), &
                 test('usual panels have the forces of fine ones to 1e-8, of 200 random motions', usual_panels), &
+                test('so they have of 1000 motions that graze, reverse, open or all but follow a line', nasty_motions), &
                 test('forces beyond the motion''s own harmonics are those of fine panels', forces_beyond), &
+                test('instants of a normal force are found, a close pair in one step of the grid, too', crossings), &
                 test('rough rules have the forces of fine ones to three digits', rough_rules), &
                 test('along a line they are those of one tangent to rounding', one_tangent), &
                 test('a contact that slips has the Jacobian of differences', slipping), &
@@ -99,29 +103,106 @@ contains
     call check(error, slip > 150 .and. opens > 20, 'too few slip or open: the test is void')
   end subroutine usual_panels
 
+  !> Families of motions in turn: any; N that comes to within 1e-1 to 1e-8 of opening, on either side; all but along a line, by 1e-1
+  !> to 1e-10; N that hardly varies, so that the slider is near the end of where it can rest; several openings.
+  subroutine nasty_motions(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(contact_forces_type) :: usual, fine
+    real(wp), allocatable :: motion(:, :)
+    real(wp) :: lowest(2), off
+    integer :: seed, h, near, slip, opens
+
+    slip = 0
+    opens = 0
+    near = 0
+    do seed = 1, 1000
+      h = 1 + modulo(seed, 20)
+      motion = motion_of(h, seed, 0.4_wp + 0.1_wp*modulo(seed, 20), 0.1_wp + 0.1_wp*modulo(seed, 10))
+      select case (modulo(seed, 5))
+       case (1)
+        lowest = extrema(motion(:, 3))
+        off = 10.0_wp**(-modulo(seed/5, 8) - 1)*(lowest(2) - lowest(1))
+        motion(1, 3) = motion(1, 3) - lowest(1) + merge(off, -off, modulo(seed, 2) == 0)
+       case (2)
+        motion(:, 2) = motion(:, 1) + 10.0_wp**(-modulo(seed/5, 10) - 1)*motion(:, 2)
+       case (3)
+        motion(:, 3) = 0.01_wp*motion(:, 3)
+        motion(1, 3) = 0.3_wp
+        motion(:, :2) = motion(:, :2)*2.0_wp
+       case (4)
+        motion(:, 3) = 3.0_wp*motion(:, 3)
+        motion(2*h:, 3) = motion(2*h:, 3) + 0.3_wp
+        motion(1, 3) = 0.2_wp
+       case default
+        ! Any
+      end select
+      usual = forces_of(new_disc_rules(h), motion, [0.0_wp, 0.0_wp], .false.)
+      fine = forces_of(new_disc_rules(h, many, 1.0e-14_wp), motion, [0.0_wp, 0.0_wp], .false.)
+      call check(error, usual%state == fine%state, 'states differ')
+      off = maxval(abs(usual%deviation - fine%deviation))
+      ! One that grazes is off by 1.5e-8, all others by less than 1e-8.
+      call check(error, off <= 2.0e-8_wp*maxval(abs(fine%deviation)), 'deviation')
+      if (off <= 1.0e-9_wp*maxval(abs(fine%deviation))) near = near + 1
+      if (fine%state == state_slipping) slip = slip + 1
+      if (fine%open > 0.0_wp) opens = opens + 1
+    end do
+    call check(error, near > 900, 'few are as near as they mostly are')
+    call check(error, slip > 600 .and. opens > 200, 'too few slip or open: the test is void')
+  end subroutine nasty_motions
+
   subroutine forces_beyond(error)
     type(error_type), allocatable, intent(out) :: error
     integer, parameter :: h = 5, extended = 3*h
     type(contact_forces_type) :: usual, fine
-    logical :: done
     integer :: seed
     do seed = 1, 20
       if (allocated(usual%deviation)) deallocate (usual%deviation, fine%deviation)
       allocate (usual%deviation(2*extended + 1, 3), fine%deviation(2*extended + 1, 3))
       associate (motion => motion_of(h, seed, 2.0_wp, 0.8_wp))
-        call evaluate_contact_by_disc_events(law, new_disc_rules(h), motion, [0.0_wp, 0.0_wp], .false., usual, done)
-        call evaluate_contact_by_disc_events(law, new_disc_rules(h, many, tight), motion, [0.0_wp, 0.0_wp], .false., fine, done)
+        call evaluate_contact_by_disc_events(law, new_disc_rules(h), motion, [0.0_wp, 0.0_wp], .false., usual)
+        call evaluate_contact_by_disc_events(law, new_disc_rules(h, many, tight), motion, [0.0_wp, 0.0_wp], .false., fine)
       end associate
       call check_close(error, usual%deviation, fine%deviation, 1.0e-5_wp*maxval(abs(fine%deviation)), 'deviation')
     end do
   end subroutine forces_beyond
+
+  !> A cosine from the middle of a step of the grid, so that its maximum is between two points.
+  subroutine crossings(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(disc_rules_type) :: rules(2)
+    type(disc_motion_type) :: disc
+    real(wp) :: motion(3, 3), middle, angle, tolerance
+    real(wp), allocatable :: found(:)
+    integer :: i, n
+
+    rules = [new_disc_rules(1), new_rough_rules(1)]
+    do n = 1, 2
+      motion = 0.0_wp
+      disc = new_disc_motion(law, rules(n), motion)
+      middle = 0.5_wp*disc%step
+      motion(2:3, 3) = [cos(middle), sin(middle)]
+      disc = new_disc_motion(law, rules(n), motion)
+      call disc%sample_slopes(rules(n))
+      do i = 1, 30
+        ! The last pairs lie in one step.
+        angle = 0.44_wp*disc%step*1.1_wp**(30 - i)
+        found = modulo(disc%crossings(rules(n), disc%slope*cos(angle)) - middle + pi, 2.0_wp*pi) - pi
+        call check(error, size(found) == 2, 'two roots')
+        if (allocated(error)) return
+        ! Cubics err by step^4/384, roots by that over the slope.
+        tolerance = merge(1.0e-14_wp, disc%step**4/384.0_wp, n == 1)/sin(angle)
+        call check_close(error, [minval(found), maxval(found)], [-angle, angle], tolerance, 'roots')
+      end do
+      call check(error, size(disc%crossings(rules(n), 1.001_wp*disc%slope)) == 0, 'a pair that just misses')
+    end do
+    call rules(2)%destroy()
+  end subroutine crossings
 
   !> Harmonics of the motion beyond h come to 1e-7 of it, so that they are left out.
   subroutine rough_rules(error)
     type(error_type), allocatable, intent(out) :: error
     type(contact_forces_type) :: rough, fine
     real(wp), allocatable :: motion(:, :)
-    logical :: done
     integer :: h, k, seed, slip
 
     slip = 0
@@ -133,8 +214,8 @@ contains
       fine = forces_of(new_disc_rules(3*h, many, tight), motion, [0.0_wp, 0.0_wp], .false.)
       rough = contact_forces_type(without_jacobian=.true.)
       allocate (rough%deviation(k, 3))
-      call evaluate_contact_by_disc_events(law, new_rough_rules(3*h), motion, [0.0_wp, 0.0_wp], .false., rough, done)
-      call check(error, done .and. rough%state == fine%state, 'states differ')
+      call evaluate_contact_by_disc_events(law, new_rough_rules(3*h), motion, [0.0_wp, 0.0_wp], .false., rough)
+      call check(error, rough%state == fine%state, 'states differ')
       call check_close(error, rough%deviation, fine%deviation, 1.0e-3_wp*maxval(abs(fine%deviation)), 'deviation')
       if (fine%state == state_slipping) slip = slip + 1
       deallocate (motion)
@@ -386,7 +467,6 @@ contains
   subroutine without_jacobian(error)
     type(error_type), allocatable, intent(out) :: error
     type(contact_forces_type) :: full, bare
-    logical :: done
     integer :: i, seed
 
     do seed = 1, 12
@@ -396,7 +476,7 @@ contains
           if (allocated(bare%deviation)) deallocate (bare%deviation)
           allocate (bare%deviation(7, 3))
           bare%without_jacobian = .true.
-          call evaluate_contact_by_disc_events(law, new_disc_rules(3), motion, [0.1_wp, 0.0_wp], i == 1, bare, done)
+          call evaluate_contact_by_disc_events(law, new_disc_rules(3), motion, [0.1_wp, 0.0_wp], i == 1, bare)
           call check_close(error, bare%deviation, full%deviation, 0.0_wp, 'deviation')
           call check(error, .not. allocated(bare%jacobian) .and. bare%state == full%state, 'state')
           call check_close(error, [bare%slider, bare%moved], [full%slider, full%moved], 0.0_wp, 'sliders')
@@ -411,7 +491,6 @@ contains
     type(contact_forces_type) :: forces
     real(wp) :: motion(7, 3), expected(7, 3), jacobian(21, 21)
     integer :: i, j
-    logical :: done
 
     motion = motion_of(3, 1, 2.0_wp, 0.3_wp)
     expected = 0.0_wp
@@ -438,7 +517,7 @@ contains
     motion(:, 3) = 0.0_wp
     deallocate (forces%deviation)
     allocate (forces%deviation(7, 3))
-    call evaluate_contact_by_disc_events(other, new_disc_rules(3), motion, [0.0_wp, 0.0_wp], .false., forces, done)
+    call evaluate_contact_by_disc_events(other, new_disc_rules(3), motion, [0.0_wp, 0.0_wp], .false., forces)
     call check(error, forces%state == state_slipping .and. .not. any(forces%active(15:)), 'touching')
     expected(:, 3) = 0.0_wp
     call check_close(error, forces%deviation, expected, 1.0e-13_wp, 'deviation of touching')

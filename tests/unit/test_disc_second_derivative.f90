@@ -2,7 +2,7 @@
 program test_disc_second_derivative
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: disc_rules_type, new_disc_rules
+  use attrito_contact_disc_rules, only: disc_rules_type, new_disc_rules
   use attrito_contact_forces, only: contact_forces_type, released
   use attrito_contact_second_derivative_disc, only: differentiate_twice_by_disc_events, start_slider_type
   use attrito_contact_state, only: state_shaken_down, state_slipping

@@ -76,7 +76,7 @@ contains
       do b = 1, size(betas)
         do n = 2, 302, 100
           contact = joint(chis(a), betas(b), n)
-          call check(error, contact%elements() == n .and. contact%has_events(), 'elements')
+          call check(error, contact%elements() == n .and. contact%is_proportional(), 'elements')
           sums = 0.0_wp
           before = 0.0_wp
           do i = 1, n

@@ -35,9 +35,10 @@ end module laws_in_parallel
 program test_parallel_elements
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
-  use attrito_contact_disc_motion, only: new_disc_rules
-  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact, sample_forces
+  use attrito_contact_disc_rules, only: new_disc_rules
+  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
   use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_instants, only: forces_at_instants
   use attrito_contact_fourier, only: new_fourier
   use attrito_contact_law_contact_law, only: element_type
   use attrito_contact_parallel_elements, only: union_length
@@ -64,7 +65,7 @@ program test_parallel_elements
                 test('the Jacobian is that of differences, whatever the elements do', jacobian), &
                 test('a contact slips while any of its elements does, and fractions add up', fractions), &
                 test('a contact that bounds hold stuck is stuck, its elements preloaded against each other', bounds), &
-                test('loops at samples are those of contacts side by side', loops), &
+                test('loops are those of contacts side by side', loops), &
                 test('intervals that overlap count once', union), &
                 test('sliders beyond a contact''s own stay as wide as given', width)], quiet=.false.) > 0) error stop 1
 
@@ -303,19 +304,17 @@ contains
 
   subroutine loops(error)
     type(error_type), allocatable, intent(out) :: error
-    integer, parameter :: samples = 128
-    type(quadrature_type) :: quadrature
-    real(wp), dimension(samples, 2) :: displacement, force, total, own
+    integer, parameter :: instants = 128
+    real(wp), dimension(instants, 2) :: displacement, force, total, own
     real(wp) :: motion(k, 2), slider(2*elements)
     integer :: i
 
-    quadrature = quadrature_type(.false., grid=new_grid(harmonics), fourier=new_fourier(harmonics, samples))
     motion = motion_of(5, 0.15_wp, 0.3_wp)
     slider = 0.0_wp
-    call sample_forces(several(), quadrature%fourier, motion, slider, 2, displacement, force)
+    call forces_at_instants(several(), motion, slider, displacement, force)
     total = 0.0_wp
     do i = 1, elements
-      call sample_forces(side_by_side(i), quadrature%fourier, motion, slider, 2, displacement, own)
+      call forces_at_instants(side_by_side(i), motion, slider, displacement, own)
       total = total + own
     end do
     call check_close(error, force, total, 1.0e-14_wp, 'force')

@@ -33,7 +33,6 @@ from attrito.charts.limited import processor_seconds, within
 from attrito.charts.turns import in_turn
 from attrito.job.defaults import TOLERANCE
 from attrito.job.job import Job
-from attrito.job.laws import laws_by_samples
 from attrito.job.reading import read_job
 from attrito.library.integrator import Integrator, Run
 from attrito.library.laws import are_coulomb
@@ -84,8 +83,6 @@ class Bench:
         self._wheel = whole_wheel(self._scene)
         self._options = solver_options(job, self._rom)
         self._tangents = int(self._scene.laws["tangents"].max())
-        # Whether a contact goes by samples whatever is asked for
-        self._by_samples = bool(laws_by_samples(job))
         self._level = job["sweep"]["levels"][-1]
         self._frequencies: list[float] = []
         self._amplitude = np.full(len(self._scene.monitors), np.nan)
@@ -240,8 +237,7 @@ class Bench:
     def _own_way(self) -> Iterator[Way]:
         """The job's own harmonics and samples."""
         options = self._own()
-        series = "sampled" if self._by_samples else "event"
-        way = self._balance(series, self._scene, options, label=_label(series, options))
+        way = self._balance("event", self._scene, options, label=_label("event", options))
         self._take_time(options, way)
         yield replace(way, own=True)
 
@@ -329,7 +325,7 @@ class Bench:
         last = points[-1]
         found = {
             "harmonics": (last.harmonics.shape[1] - 1) // 2,
-            "samples": last.samples if self._by_samples or not options.by_events else 0,
+            "samples": 0 if options.by_events else last.samples,
             "seconds": seconds,
             "work": last.work,
         } | settings

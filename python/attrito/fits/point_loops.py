@@ -15,12 +15,12 @@ from attrito.fits.data import Data
 from attrito.fits.design import Fit
 from attrito.fits.source import Solved, Source, samples_of
 from attrito.job.job import Job
-from attrito.library.kernels import sample_contact
+from attrito.library.kernels import contact_at_instants
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Solver
 from attrito.library.structures import make_law
-from attrito.results.loops import PASSES, main_direction
+from attrito.results.loops import main_direction
 from attrito.runs.progress import Progress
 from attrito.scene.build import build_scene
 from attrito.studies.samples import Samples
@@ -88,7 +88,7 @@ class PointLoop(Source):
         for contact in self._contacts:
             coefficients = heard["/contacts/displacement"][contact][[*range(tangents), 2]]
             slider = heard["/contacts/slider"][contact]
-            u, t = sample_contact(make_law(laws, contact), coefficients, slider, SAMPLES, PASSES)
+            u, t = contact_at_instants(make_law(laws, contact), coefficients, slider, SAMPLES)
             motion, force = motion + u[:tangents] / len(self._contacts), force + t[:tangents]
         along = main_direction(motion)
         return along @ motion, along @ force

@@ -19,7 +19,7 @@ import numpy as np
 
 from attrito.integration.attractors import Attractor, State, find_attractors, summary_of, write_attractors
 from attrito.job.job import Job
-from attrito.job.laws import RULES, laws_by_samples, laws_in_parallel
+from attrito.job.laws import RULES, laws_in_parallel, laws_not_proportional
 from attrito.job.reading import read_job
 from attrito.library import loading
 from attrito.library.integrator import Integrator, Orbit, Run
@@ -105,7 +105,7 @@ def _check(job: Job) -> None:
     one = " or ".join(f'"{name}"' for name, rules in RULES.items() if rules.one_element)
     for key, law in laws_in_parallel(job).items():
         faults.append(job.fault(key, law, f"{one} (integration in time takes one slider a contact)"))
-    for key, law in laws_by_samples(job).items() if keys["scheme"] == "event" else ():
+    for key, law in laws_not_proportional(job).items() if keys["scheme"] == "event" else ():
         expected = '"coulomb" (another law has no events), or [integrate] scheme = "exponential" or another with steps'
         faults.append(job.fault(key, law, expected))
     if job["damping"]["loss_factor"] is not None and not keys["equivalent_viscous"]:

@@ -8,7 +8,7 @@ from attrito.job.accelerations import check_accelerations, moves_base
 from attrito.job.coriolis import check_coriolis
 from attrito.job.cyclic import check_cyclic
 from attrito.job.job import Job, campbell_path, files_by_key, mode_path, model_path, peak_path, rom_path
-from attrito.job.laws import check_laws, laws_by_samples
+from attrito.job.laws import check_laws
 from attrito.job.schema import ARRAYS, LOAD_KEYS
 from attrito.job.sensitivity import check_sensitivity
 from attrito.support.errors import Fault
@@ -227,12 +227,9 @@ def _check_sweep(job: Job) -> list[Fault]:
 
 def _check_balance(job: Job) -> list[Fault]:
     faults: list[Fault] = []
-    harmonics, samples = job["balance"]["harmonics"], job["balance"]["samples"]
+    harmonics = job["balance"]["harmonics"]
     if not isinstance(harmonics, int):
         return faults
-    if samples is not None and samples < 4 * harmonics + 2 and laws_by_samples(job):
-        expected = f"at least {4 * harmonics + 2} samples for {harmonics} harmonics"
-        faults.append(job.fault("[balance] samples", samples, expected))
     for i, load in enumerate(job["load"]):
         if load["kind"] == "harmonic" and load["harmonic"] > harmonics:
             expected = f"a harmonic that is solved for: at most {harmonics}"

@@ -8,8 +8,6 @@ from attrito.job.job import Job
 TOLERANCE, MODE_ERROR = 0.01, 1e-3
 # Harmonics that modes matter for where they are chosen point by point: beyond, modes that are left out follow at rest
 HARMONICS = 5
-# Samples a period where none are asked for
-SAMPLES = 128
 # Part of the tolerance that the modes left out by a reduction may take
 MODES_SHARE = 0.25
 

@@ -5,7 +5,7 @@ A contact law has one entry in `RULES`, by its name in `attrito.library.names.LA
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -29,19 +29,17 @@ class Rules:
     own : keys that only contacts of this law have, by table name or for both ("")
     needs : of these what is expected where one is missing; others may be
     numbers : what the library makes the law of, in the order of its constructor there, from the keys and a pair's area
-    has_events : whether it goes by events, not by samples
+    is_proportional : whether the limit of friction is proportional to N, as stability and events in time need
     by_pressure : whether the friction coefficient is a table by pressure
     one_element : whether a contact has one slider, as integration in time needs, or several in parallel
-    two_tangents : whether contacts may have two tangents
     """
 
     own: dict[str, tuple[str, ...]] = field(default_factory=dict)
     needs: dict[str, str] = field(default_factory=dict)
     numbers: Callable[[Keys, float], list[float]] = lambda keys, area: []
-    has_events: bool = True
+    is_proportional: bool = True
     by_pressure: bool = False
     one_element: bool = True
-    two_tangents: bool = True
 
 
 def _pressure_numbers(keys: Keys, area: float) -> list[float]:
@@ -61,7 +59,7 @@ RULES = {
         own={"contact": ("area",)},
         needs={"area": "the contact area"},
         numbers=_pressure_numbers,
-        has_events=False,
+        is_proportional=False,
         by_pressure=True,
     ),
     "iwan": Rules(
@@ -69,12 +67,11 @@ RULES = {
         needs={"chi": "a number above -1, below 0", "beta": "a number of at least 0"},
         numbers=_iwan_numbers,
         one_element=False,
-        two_tangents=False,
     ),
 }
 
 
-def laws_of(job: Job | Mapping[str, Any]) -> dict[str, str]:
+def laws_of(job: Job) -> dict[str, str]:
     """Laws of a job's contacts by the keys that ask for them."""
     keys = {f"{name}[{i}] law": keys.get("law") for name in TABLES for i, keys in enumerate(job[name])}
     return {key: law for key, law in keys.items() if law is not None}
@@ -85,9 +82,9 @@ def laws_beside_coulomb(job: Job) -> dict[str, str]:
     return {key: law for key, law in laws_of(job).items() if law != "coulomb"}
 
 
-def laws_by_samples(job: Job | Mapping[str, Any]) -> dict[str, str]:
-    """Contact laws without events, by the keys that ask for them."""
-    return {key: law for key, law in laws_of(job).items() if not RULES[law].has_events}
+def laws_not_proportional(job: Job) -> dict[str, str]:
+    """Contact laws whose limit is no multiple of the normal force, by the keys that ask for them."""
+    return {key: law for key, law in laws_of(job).items() if not RULES[law].is_proportional}
 
 
 def laws_in_parallel(job: Job) -> dict[str, str]:
@@ -118,9 +115,6 @@ def _check_keys(job: Job, name: str, place: str, keys: Keys) -> list[Fault]:
     if friction is not None and isinstance(friction, list) != by_pressure:
         expected = f'{"[[pressure, coefficient], ...]" if by_pressure else "a number"} with law = "{law}"'
         faults.append(job.fault(f"{place} friction_coefficient", friction, expected))
-    tangents = len(keys["tangents"] or []) if name == "contact" else keys["tangents"]
-    if tangents == 2 and not RULES[law].two_tangents:
-        faults.append(job.fault(f"{place} tangents", 2, f'one tangent with law = "{law}"'))
     for other, rules in RULES.items():
         for key in (*rules.own.get(name, ()), *rules.own.get("", ())):
             if other != law and keys[key] is not None:

@@ -14,7 +14,6 @@ from attrito.job.cross_checks import cross_check
 from attrito.job.defaults import fill_accuracy
 from attrito.job.job import Job
 from attrito.job.key import Key
-from attrito.job.laws import laws_by_samples
 from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES
 from attrito.job.settings import apply_settings
 from attrito.support.errors import Fault, InputError
@@ -119,10 +118,6 @@ def retire(tables: dict[str, Any]) -> list[str]:
         for key, spec in keys.items()
         if spec.retired and tables[table].pop(key, None) is not None
     ]
-    balance = tables["balance"]
-    if balance.get("samples") is not None and not laws_by_samples(tables):
-        balance["samples"] = None
-        retired.append(("balance", "samples", "contacts go by events"))
     return [f"[{table}] {key} has no effect: {instead}; the key can be deleted" for table, key, instead in retired]
 
 

@@ -44,8 +44,8 @@ LAW = {
     "law": Key(
         choice(*LAWS),
         LAWS[0],
-        "`\"pressure\"`: mu depends on the pressure N/A, A a pair's tributary area or a contact's `area`; by samples;"
-        ' `"iwan"`: sliders in parallel, F_S = mu N and K_T = kt, on one tangent ([method.md](method.md#contact-laws))',
+        "`\"pressure\"`: mu depends on the pressure N/A, A a pair's tributary area or a contact's `area`;"
+        ' `"iwan"`: sliders in parallel, F_S = mu N and K_T = kt ([method.md](method.md#contact-laws))',
     ),
     "chi": Key(
         number(-1, 0, above=True, below=True),
@@ -246,15 +246,14 @@ TABLES: dict[str, dict[str, Key]] = {
         "quadrature": Key(
             choice("event", "sampled", "auto", "exact"),
             None,
-            "has no effect: contacts go by events, friction by pressure by samples. Older jobs have it",
-            retired="contacts go by events, friction by pressure by samples",
+            "has no effect: contacts go by events. Older jobs have it",
+            retired="contacts go by events",
         ),
         "samples": Key(
             integer(8, 2**20),
             None,
-            'a period, of contacts with `law = "pressure"`; the error falls like samples^-2 ([method.md](method.md)).'
-            " With a tolerance, which chooses them, the fewest. Absent: 128, or 6 H + 2 where that is more. If no"
-            " contact has that law it has no effect",
+            "has no effect: contacts go by events. Older jobs have it",
+            retired="contacts go by events",
         ),
         "contacts": Key(
             choice("all", "auto"),

@@ -10,10 +10,10 @@ from attrito.library import loading
 from attrito.library.structures import RawLaw, make_laws, pointer
 
 
-def sample_contact(
-    law: RawLaw, coefficients: np.ndarray, slider: np.ndarray, samples: int, passes: int
+def contact_at_instants(
+    law: RawLaw, coefficients: np.ndarray, slider: np.ndarray, instants: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Displacement and force of one contact over a period, `[tangents + 1, samples]` each.
+    """Displacement and force of one contact at so many instants of a period, `[tangents + 1, instants]` each.
 
     Parameters
     ----------
@@ -22,14 +22,13 @@ def sample_contact(
     slider : at the start of the period, a pair an element, `[at least 2 elements]`
     """
     coefficients = np.ascontiguousarray(coefficients, dtype=float)
-    displacement, force = np.zeros((2, len(coefficients), samples))
-    loading.load().attrito_sample_contact(
+    displacement, force = np.zeros((2, len(coefficients), instants))
+    loading.load().attrito_contact_at_instants(
         ctypes.byref(law),
         coefficients.shape[1],
-        samples,
+        instants,
         pointer(coefficients),
         pointer(np.ascontiguousarray(slider, dtype=float)),
-        passes,
         pointer(displacement),
         pointer(force),
     )

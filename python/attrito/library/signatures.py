@@ -168,10 +168,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     ),
     # Kernels without a session
     "attrito_slider_width": (c_int, (c_int, POINTER(RawLaw))),
-    "attrito_sample_contact": (
-        None,
-        (POINTER(RawLaw), c_int, c_int, Doubles, Doubles, c_int, Doubles, Doubles),
-    ),
+    "attrito_contact_at_instants": (None, (POINTER(RawLaw), c_int, c_int, Doubles, Doubles, Doubles, Doubles)),
     "attrito_follow_path": (None, (POINTER(RawLaw), c_int, Doubles, Doubles, c_int, Doubles)),
     "attrito_extrema": (None, (c_int, c_int, Doubles, Doubles, Doubles)),
     "attrito_read_numbers": (c_int, (c_char_p, c_int, Longs, Longs, c_int, Integers, Integers, Doubles)),

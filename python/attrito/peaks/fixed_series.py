@@ -1,4 +1,4 @@
-"""Harmonics and samples that stay the same along a curve of peaks, and are chosen for all of it.
+"""Harmonics that stay the same along a curve of peaks, and are chosen for all of it.
 
 Where the job leaves them to its tolerance, the curve is followed with the first of a few series, and anew with the next
 while the estimated error of any of its points is above the tolerance. The points of the last one keep that outcome.
@@ -9,20 +9,18 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 
-from attrito.job.defaults import SAMPLES
 from attrito.library.session import Options
 
-# Harmonics, and how many times the first number of samples
-LENGTHS = ((5, 1), (10, 2), (20, 4), (40, 8))
+LENGTHS = (5, 10, 20, 40)
 # Samples that show harmonics up to 3 H, and one more each way
 PER_HARMONIC = 6
 
 
 def fixed_series(options: Options) -> list[Options]:
     """Options of a job with everything fixed, shortest series first; one entry where nothing was to be chosen."""
-    if not (options.choose_harmonics or options.choose_samples):
+    if not options.choose_harmonics:
         return [options]
-    return list(dict.fromkeys(_fixed(options, *length) for length in LENGTHS))
+    return list(dict.fromkeys(_fixed(options, length) for length in LENGTHS))
 
 
 def is_enough(outcomes: Iterable[str]) -> bool:
@@ -30,10 +28,7 @@ def is_enough(outcomes: Iterable[str]) -> bool:
     return "above_tolerance" not in outcomes
 
 
-def _fixed(options: Options, harmonics: int, factor: int) -> Options:
-    if options.choose_harmonics:
-        options = replace(options, harmonics=max(harmonics, options.harmonics))
-    if options.choose_samples:
-        options = replace(options, samples=factor * max(SAMPLES, options.fewest_samples))
-    samples = max(options.samples, PER_HARMONIC * options.harmonics + 2)
-    return replace(options, samples=samples, choose_harmonics=False, choose_samples=False)
+def _fixed(options: Options, length: int) -> Options:
+    harmonics = max(length, options.harmonics)
+    samples = max(options.samples, PER_HARMONIC * harmonics + 2)
+    return replace(options, harmonics=harmonics, samples=samples, choose_harmonics=False)

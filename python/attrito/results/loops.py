@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from attrito.library.kernels import sample_contact
+from attrito.library.kernels import contact_at_instants
 from attrito.library.laws import are_coulomb, cone_coefficients
 from attrito.library.structures import make_law
 from attrito.results.result import Result
@@ -33,9 +33,7 @@ class Loop:
     friction_coefficient: float | None = None
 
 
-SAMPLES = 1024
-# Two tangents: periods until the slider repeats at other samples than the point was solved with.
-PASSES = 20
+INSTANTS = 1024
 
 
 def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[Loop]:
@@ -50,7 +48,7 @@ def contact_loops(result: Result, point: int, contacts: Sequence[int]) -> list[L
         rows = [*range(tangents), 2]
         coefficients = result.dataset("contacts/displacement")[point, contact][rows]
         slider = result.dataset("contacts/slider")[point, contact]
-        u, force = sample_contact(make_law(laws, contact), coefficients, slider, SAMPLES, PASSES)
+        u, force = contact_at_instants(make_law(laws, contact), coefficients, slider, INSTANTS)
         friction = float(cone_coefficients(laws)[contact]) if are_coulomb(laws) else None
         along = main_direction(u[:tangents])
         loops.append(Loop(f"contact {contact}", along @ u[:tangents], along @ force[:tangents], force[-1], friction))

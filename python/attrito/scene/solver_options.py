@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-from attrito.job.defaults import SAMPLES
 from attrito.job.job import Job
-from attrito.job.laws import laws_by_samples
 from attrito.library.session import Options
 from attrito.scene.rom_file import Rom
 
 # Where they are chosen point by point, to begin with
-FIRST_HARMONICS, FIRST_SAMPLES = 3, 64
-# No fewer are chosen
-FEWEST_SAMPLES = 32
-# Of periods that pass, if no contact goes by samples: (2 pi / 256)^2 / 12 = 5e-5 of the forces
-OF_PASSING = 256
+FIRST_HARMONICS = 3
+# Of a contact whose panels of slip would be shorter than rounding: (2 pi / 256)^2 / 12 = 5e-5 of the forces
+SAMPLES = 256
 
 
 def solver_options(job: Job, rom: Rom | None = None) -> Options:
@@ -22,20 +18,15 @@ def solver_options(job: Job, rom: Rom | None = None) -> Options:
     automatic = balance["harmonics"] == "auto"
     loaded = max((load["harmonic"] for load in job["load"] if load["kind"] == "harmonic"), default=1)
     harmonics = max(FIRST_HARMONICS, loaded) if automatic else balance["harmonics"]
-    chosen = balance["tolerance"] is not None and bool(laws_by_samples(job))
-    fewest = FIRST_SAMPLES if chosen else SAMPLES if laws_by_samples(job) else OF_PASSING
-    samples = balance["samples"] or max(fewest, 6 * harmonics + 2)
     return Options(
         harmonics=harmonics,
-        samples=max(samples, (6 if automatic else 4) * harmonics + 2),
+        samples=max(SAMPLES, 6 * harmonics + 2),
         max_iterations=balance["max_iterations"],
         tolerance=balance["residual_tolerance"],
         reset_slider=job["static"]["slider"] == "reset",
         uncoupled=balance["approach"] == "uncoupled",
         by_events=True,
         choose_harmonics=automatic,
-        choose_samples=chosen,
-        fewest_samples=(balance["samples"] if chosen and balance["samples"] else FEWEST_SAMPLES),
         accepted_error=balance["tolerance"] or 0.0,
         mode_error=0.0 if rom is None else rom.mode_error,
         curve_tolerance=job["continuation"]["curve_tolerance"],

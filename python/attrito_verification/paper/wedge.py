@@ -15,7 +15,7 @@ import numpy as np
 from mpi4py import MPI
 from scipy.optimize import minimize_scalar
 
-from attrito.library.kernels import sample_contact
+from attrito.library.kernels import contact_at_instants
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
@@ -28,7 +28,7 @@ FRICTION = 0.5
 FORCES = (1.0, 4.0, 6.0, 18.0, 24.0, 30.0, 42.0, 60.0)
 MONITORS = ["x", "y", "u", "v"]
 STATIC_STEPS = 20
-LOOP_SAMPLES = 16384
+LOOP_INSTANTS = 16384
 # The band that holds all peaks, swept downwards, Hz; and how finely their frequency is located.
 BAND = (150.0, 85.0, 66)
 FREQUENCY_TOLERANCE = 1e-6
@@ -136,7 +136,7 @@ class Wedge:
         kt = self.parameters.contact_stiffness
         slider = np.array([point.harmonics[2, 0] - self.mean(point).tangential / kt, 0.0])
         law = make_law(self.scene.laws, 0)
-        motion, force = sample_contact(law, point.harmonics[2:], slider, LOOP_SAMPLES, 2)
+        motion, force = contact_at_instants(law, point.harmonics[2:], slider, LOOP_INSTANTS)
         opened = force[1] <= 0.0
         limit = FRICTION * force[1]
         slips = ~opened & (np.abs(force[0]) >= limit - 1e-12 * limit.max())

@@ -5,7 +5,7 @@
 !> Source: Zucca & Firrone 2014, eqs. (4)-(8), doi:10.1016/j.jsv.2013.09.032.
 module attrito_contact_law_coulomb_spring
   use attrito_core_kinds, only: wp
-  use attrito_contact_law_contact_law, only: contact_law_type
+  use attrito_contact_law_contact_law, only: contact_law_type, limit_type
   implicit none
   private
   public :: coulomb_spring_type
@@ -14,7 +14,7 @@ module attrito_contact_law_coulomb_spring
   contains
     procedure :: slip_force
     procedure :: least_coefficient
-    procedure :: has_events
+    procedure :: limits
   end type coulomb_spring_type
 
 contains
@@ -38,9 +38,12 @@ contains
     least_coefficient = friction_coefficient
   end function least_coefficient
 
-  pure logical function has_events(self)
+  pure function limits(self, friction_coefficient)
     class(coulomb_spring_type), intent(in) :: self
+    !> Friction coefficient, mu
+    real(wp), intent(in) :: friction_coefficient
+    type(limit_type), allocatable :: limits(:)
 
-    has_events = .true.
-  end function has_events
+    limits = [limit_type(coefficients=[0.0_wp, friction_coefficient, 0.0_wp])]
+  end function limits
 end module attrito_contact_law_coulomb_spring

@@ -3,11 +3,10 @@
 !> $$ F(N) = \mu(p) N, \qquad p = N/A, \qquad
 !>    \frac{dF}{dN} = \mu(p) + p \, \mu'(p) $$
 !>
-!> with A the contact's area and mu(p) given at some pressures: between them a straight line, beyond them constant. F is not
-!> proportional to N, so its events have no trigonometric polynomial: it goes by samples.
+!> with A the contact's area and mu(p) given at some pressures: between them a straight line, beyond them constant.
 module attrito_contact_law_pressure_friction
   use attrito_core_kinds, only: wp
-  use attrito_contact_law_contact_law, only: contact_law_type
+  use attrito_contact_law_contact_law, only: contact_law_type, limit_type
   implicit none
   private
   public :: pressure_friction_type, new_pressure_friction
@@ -21,7 +20,8 @@ module attrito_contact_law_pressure_friction
   contains
     procedure :: slip_force
     procedure :: least_coefficient
-    procedure :: has_events
+    procedure :: limits
+    procedure :: is_proportional
   end type pressure_friction_type
 
 contains
@@ -73,10 +73,29 @@ contains
     least_coefficient = minval(self%coefficient)
   end function least_coefficient
 
+  !> Between two pressures mu = mu_i + s (N - N_i), F = (mu_i - s N_i) N + s N^2.
+  pure function limits(self, friction_coefficient)
+    class(pressure_friction_type), intent(in) :: self
+    !> Not asked for
+    real(wp), intent(in) :: friction_coefficient
+    type(limit_type), allocatable :: limits(:)
+    real(wp) :: rate
+    integer :: i, last
+
+    last = size(self%normal)
+    allocate (limits(0:last))
+    limits(0)%coefficients(1) = self%coefficient(1)
+    do i = 1, last
+      rate = 0.0_wp
+      if (i < last) rate = (self%coefficient(i + 1) - self%coefficient(i))/(self%normal(i + 1) - self%normal(i))
+      limits(i) = limit_type(self%normal(i), [0.0_wp, self%coefficient(i) - rate*self%normal(i), rate])
+    end do
+  end function limits
+
   !> Not: F is no multiple of N.
-  pure logical function has_events(self)
+  pure logical function is_proportional(self)
     class(pressure_friction_type), intent(in) :: self
 
-    has_events = .false.
-  end function has_events
+    is_proportional = .false.
+  end function is_proportional
 end module attrito_contact_law_pressure_friction
