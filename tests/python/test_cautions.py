@@ -9,6 +9,7 @@ from elastic import elastic_block
 from jobs import attrito, attrito_here, blocks, wedge, write_blocks, write_job
 from scipy.sparse import csr_matrix, diags
 
+from attrito.job.reading import read_job
 from attrito.model.model_file import write_model
 from attrito.model.rigidity import resisted_rotation, rotation_resistance
 from attrito.report.report import glance
@@ -54,6 +55,21 @@ def test_a_key_without_an_effect_is_accepted_and_named_once(tmp_path, capfd, key
         assert own.attribute("job") == other.attribute("job")
         assert np.array_equal(own.array("/contacts/force"), other.array("/contacts/force"))
     assert attrito(tmp_path, "run", "job.toml", ranks=2).stdout.count("has no effect") == 1
+
+
+@pytest.mark.parametrize(
+    ("balance", "told"),
+    [
+        ({"harmonics": 5, "quadrature": "auto"}, True),
+        ({"harmonics": 5, "quadrature": "auto", "tolerance": 0.01}, False),
+        ({"harmonics": 5, "quadrature": "event"}, False),
+        ({"harmonics": "auto", "quadrature": "auto"}, False),
+    ],
+)
+def test_a_tolerance_that_quadrature_stood_for_is_told_to_be_missing(balance, told):
+    job = read_job(wedge() | {"balance": balance})
+    assert any("[balance] tolerance is not given" in note for note in job.notes) == told
+    assert (job["balance"]["tolerance"] is None) == ("tolerance" not in balance and balance["harmonics"] == 5)
 
 
 def test_a_static_solution_in_which_nothing_touches_is_told_once(tmp_path, capfd):
