@@ -9,6 +9,8 @@ import pytest
 from jobs import Job, attrito, by_samples, table, write_job
 from mode_jobs import rubbing, weakly_damped_wedge
 
+from attrito.results.result import Result
+
 
 def rows_of(folder: Path, job: Job) -> list[dict[str, float]]:
     """Numbers of the table of a job's mode, in a folder of its own."""
@@ -74,3 +76,13 @@ def test_the_estimate_sees_samples(tmp_path):
         assert error / 3.0 <= estimate <= 10.0 * error
     # With events the same series errs by 6e-5 at most: most of this is by samples.
     assert max(error for _, error in slipping) > 3e-4
+
+
+@pytest.mark.parametrize("method", ["epmc", "quasi_static"])
+def test_a_file_of_modes_has_no_errors_of_contacts_work_which_nobody_estimates(tmp_path, method):
+    job = rubbing()
+    job["mode"] |= {"method": method, "points": 4}
+    assert rows_of(tmp_path / "mode", job)
+    with Result(tmp_path / "mode" / "result.mode.h5") as result:
+        assert result.has("/contacts/dissipated_energy")
+        assert not result.has("/contacts/dissipated_energy_error")
