@@ -16,6 +16,7 @@ import numpy as np
 from attrito.importers.deck import Block, read_blocks
 from attrito.importers.deck_elastic import ElementSets, elastic_constants
 from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type, fields, integers, set_members
+from attrito.importers.deck_remarks import remarks
 from attrito.importers.mesh_data import Mesh, check_coordinates
 from attrito.model.surfaces import element_family
 from attrito.support.errors import Fault, InputError
@@ -47,7 +48,10 @@ _PARAMETERS = {
     "NSET": ("NSET", "ELSET", "GENERATE", "INPUT", "INTERNAL", "UNSORTED", "INSTANCE"),
 }
 # What removes dofs from CalculiX's matrices without holding them at zero.
-CONSTRAINTS = ("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "CYCLIC SYMMETRY MODEL", "PRE-TENSION SECTION")
+CONSTRAINTS = (
+    "EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "DISTRIBUTING COUPLING", "KINEMATIC COUPLING",
+    "CYCLIC SYMMETRY MODEL", "PRE-TENSION SECTION", "EMBEDDED ELEMENT", "SHELL TO SOLID COUPLING",
+)  # fmt: skip
 
 
 def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
@@ -97,6 +101,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         _add_elements(mesh, block, node_ids[cells.data])
     mesh.elastic = elastic_constants(blocks, {kind: ids for kind, (ids, _) in mesh.elements.items()})
     mesh.skipped = [f"elements of type {element_type(block)}, line {block.line}" for block in others]
+    mesh.remarks = remarks(blocks, {*_NOT_READ, *_PARAMETERS, *CONSTRAINTS})
     mesh.node_sets = _node_sets(blocks, node_ids, mesh)
     mesh.constraints = [f"*{block.keyword}, line {block.line}" for block in blocks if block.keyword in CONSTRAINTS]
     if any(block.keyword == "BOUNDARY" for block in blocks):

@@ -255,7 +255,7 @@ def _mesh_notes(mesh: Mesh | None) -> list[str]:
     if mesh is None:
         return []
     lost = "not drawn; no contact lies on them, and loads by mass lack what they share with supports"
-    notes = [f"left out of the mesh: {what} ({lost})" for what in mesh.skipped]
+    notes = [f"left out of the mesh: {what} ({lost})" for what in mesh.skipped] + mesh.remarks
     if mesh.constraints:
         named = "; ".join(mesh.constraints)
         notes.append(
