@@ -84,12 +84,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         raise InputError(*map(_type_fault, others))
     element_blocks = [block for block in element_blocks if block not in others]
 
-    # Coordinates left out are zero, as in CalculiX.
-    nodes = [
-        [words[0], *map(repr, block.numbers(index, [*words[1:4], "", "", ""][:3]))]
-        for block in node_blocks
-        for index, words in enumerate(map(fields, block.data))
-    ]
+    nodes = [_place(block, index) for block in node_blocks for index in range(len(block.data))]
     node_ids = integers([words[0] for words in nodes], node_blocks[0], "node ids")
     if len(np.unique(node_ids)) < len(node_ids):
         ids, count = np.unique(node_ids, return_counts=True)
@@ -129,6 +124,15 @@ def _not_read(block: Block) -> list[Fault]:
     if block.keyword == "NODE" and block.parameters.get("SYSTEM", "R").upper() != "R":
         faults.append(block.fault(f"SYSTEM={block.parameters['SYSTEM']}", "coordinates x, y, z"))
     return faults
+
+
+def _place(block: Block, index: int) -> list[str]:
+    """Id and coordinates of a line of `*NODE`; those left out are zero, as in CalculiX."""
+    words = fields(block.data[index])
+    if len(words) > 4:
+        # Commas for decimal points would pass for directions of a normal, which Abaqus's shells have.
+        raise InputError(block.fault_at(index, block.data[index], "id, x, y and z, with points and without a normal"))
+    return [words[0], *map(repr, block.numbers(index, [*words[1:], "", "", ""][:3]))]
 
 
 def _named(blocks: list[Block], keyword: str, parameter: str) -> np.ndarray:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from attrito.importers.deck import Block
 from attrito.importers.deck_ids import fields
+from attrito.support.text_files import number
 
 # Keywords that change neither nodes, elements and sets nor which dofs the matrices have: the file itself, materials,
 # sections, loads and temperatures, steps, output
@@ -56,6 +57,6 @@ def remarks(blocks: list[Block], read: set[str]) -> list[str]:
 def _moves(words: list[str]) -> bool:
     """Whether a line `node or set, first direction, last direction, value` of `*BOUNDARY` has a value but zero."""
     try:
-        return len(words) > 3 and float(words[3].upper().replace("D", "E") or 0.0) != 0.0
+        return len(words) > 3 and number(words[3] or "0") != 0.0
     except ValueError:
         return True
