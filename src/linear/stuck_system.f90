@@ -28,7 +28,8 @@ module attrito_linear_stuck_system
   public :: stuck_system_type, new_stuck_system, new_spring_system, new_receptance
 
   character(*), parameter :: not_positive_mass = &
-                             'mass: the (reduced) mass matrix is not positive definite: expected every dof to carry mass'
+                             'mass: the (reduced) mass matrix is not positive definite: expected every dof to carry mass'// &
+                             ' (elements of few points of integration, as C3D8R and C3D20R, do not give each node some)'
 
   !> Most negative square of a frequency, as a part of the highest square, that is rounding of a stiffness, not spin softening
   real(wp), parameter :: largest_rounding = 1.0e-10_wp ! guess

@@ -1,8 +1,8 @@
 !> A resonance peak followed in a parameter p, the level or the preload: where r(d, omega, p) = 0 and psi(d, omega, p) = 0.
 !>
 !> A step predicts along the curve's tangent, to second order once two tangents are known, and corrects by Newton's method
-!> (attrito_peak_corrector). Contacts with two tangents have no second derivative of their forces, and where they
-!> are sampled psi has kinks: their peaks are always climbed to by points of the frequency response (attrito_peak_climb).
+!> (attrito_peak_corrector). Where contacts with two tangents are sampled psi has kinks: their peaks are always climbed to by points
+!> of the frequency response (attrito_peak_climb).
 !>
 !> The parameter goes from value to value in one direction. Where the curve turns back, or no step along it is solved, at kinks where
 !> contacts begin to slip or to open, the next peak is looked for at a value of the parameter a little farther on: climbed to from the
@@ -14,7 +14,7 @@ module attrito_peak_curve
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
-  use attrito_peak_climb, only: climb
+  use attrito_peak_climb, only: climb, ripple
   use attrito_peak_local_sweep, only: sweep_for_peak
   use attrito_peak_highest_maximum, only: climb_to_highest
   use attrito_peak_condition, only: problem_type, linearisation_type, linearise, value_of, set_value
@@ -362,15 +362,12 @@ contains
     type(solver_type), intent(inout) :: solver
     !> Is there no periodic motion at its frequency? If not given, nothing is known
     logical, intent(in), optional :: drifts
-    integer :: status
     logical :: known
 
     known = .false.
     if (present(drifts)) known = drifts
     call sweep_for_peak(self%problem, solver, self%band, known, self%iterations, self%found, self%at_corner, self%ending)
-    if (.not. self%found) return
-    call linearise(self%problem, solver, self%point, status)
-    self%found = status == 0
+    if (self%found) call close_up(self, solver)
   end subroutine sweep_here
 
   !> Correct, and tell how far the corrector went from the prediction, relative.
@@ -419,14 +416,38 @@ contains
     type(solver_type), intent(inout) :: solver
     !> Give the solver's frequency up after a few iterations of Newton's method? If not given, do not
     logical, intent(in), optional :: early_stop
-    integer :: status
 
     call climb(self%problem, solver, self%iterations, self%found, self%at_corner, early_stop)
     self%found = self%found .and. is_in_band(self, solver)
-    if (.not. self%found) return
+    if (self%found) call close_up(self, solver)
+  end subroutine climb_here
+
+  !> From where a climb has ended to the maximum itself. A climb leaves a part g of A to be gained, and the frequency may differ by
+  !> sqrt(2 g) of half the peak's width: Newton's method closes in on that, but at a corner.
+  subroutine close_up(self, solver)
+    type(curve_type), intent(inout) :: self
+    !> Solver of points, which this moves
+    type(solver_type), intent(inout) :: solver
+    type(base_point_type) :: before
+    type(newton_report_type) :: report
+    integer :: status, iterations
+    logical :: found
+
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
-  end subroutine climb_here
+    if (.not. self%found .or. self%at_corner .or. climbs(solver)) return
+    before = base_point_of(self, solver)
+    report = solver%report
+    call correct(self%problem, solver, plane_type(value=before%parameter), self%point, iterations, found)
+    self%iterations = self%iterations + iterations
+    if (found) found = is_in_band(self, solver) .and. self%curvature() < 0.0_wp .and. &
+                       abs(self%point%amplitude%value/before%linearisation%amplitude%value - 1.0_wp) <= ripple
+    if (found) return
+    call go_back(self, solver, before)
+    solver%report = report
+    ! The balance was evaluated elsewhere.
+    call linearise(self%problem, solver, self%point, status)
+  end subroutine close_up
 
   !> From a maximum of a sampled peak to the highest one about it.
   subroutine take_highest(self, solver)

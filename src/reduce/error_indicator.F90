@@ -145,7 +145,8 @@ contains
 
     call find_modes(split, examined, top_hz, eigenvalues, shapes, largest, info)
     if (info /= 0) then
-      call raise(error, 'mass: the reduced mass matrix is not positive definite')
+      call raise(error, 'mass: the reduced mass matrix is not positive definite: expected every dof to carry mass'// &
+                 ' (elements of few points of integration, as C3D8R and C3D20R, do not give each node some)')
       return
     end if
     first = count(eigenvalues <= rigid*largest) + 1

@@ -51,13 +51,48 @@ contains
     end do
     call pencil%ranks%sum(h)
     call pencil%ranks%sum(g)
-    call symmetric_eigenpairs(0.5_wp*(h + transpose(h)), 0.5_wp*(g + transpose(g)), theta, y, status)
+    call symmetric_eigenpairs(h, g, theta, y, status)
+    if (status > m) call solve_within_rank(h, g, theta, y, status)
     if (status /= 0) return
-    theta = theta(m:1:-1)
-    y = y(:, m:1:-1)
+    theta = theta(size(theta):1:-1)
+    y = y(:, size(theta):1:-1)
     kept = count(theta > nothing*theta(1))
     eigenvalues = 1.0_wp/theta(:kept)
     call turn(x, y(:, :kept))
     if (kept < m) x = x(:, :kept)
   end subroutine rayleigh_ritz
+  !> The same where the mass does not see all of the space, as that of elements with one point of integration: by what it sees,
+  !> g = V s V^T, with X V s^(-1/2) in place of X.
+  subroutine solve_within_rank(h, g, theta, y, status)
+    !> X^T M A X and X^T M X
+    real(wp), intent(in) :: h(:, :), g(:, :)
+    !> Ascending; a column each
+    real(wp), allocatable, intent(out) :: theta(:), y(:, :)
+    !> 0, or not
+    integer, intent(out) :: status
+    real(wp), allocatable :: s(:), v(:, :)
+    integer :: i, unseen
+
+    call symmetric_eigenpairs(g, identity(size(g, 1)), s, v, status)
+    if (status /= 0) return
+    unseen = count(s <= nothing*s(size(s)))
+    v = v(:, unseen + 1:)
+    do i = 1, size(v, 2)
+      v(:, i) = v(:, i)/sqrt(s(unseen + i))
+    end do
+    call symmetric_eigenpairs(matmul(transpose(v), matmul(h, v)), identity(size(v, 2)), theta, y, status)
+    if (status == 0) y = matmul(v, y)
+  end subroutine solve_within_rank
+
+  pure function identity(n)
+    !> Its size
+    integer, intent(in) :: n
+    real(wp) :: identity(n, n)
+    integer :: i
+
+    identity = 0.0_wp
+    do i = 1, n
+      identity(i, i) = 1.0_wp
+    end do
+  end function identity
 end module attrito_reduce_rayleigh_ritz

@@ -257,6 +257,12 @@ def test_a_block_shaken_upright_sticks_until_contacts_open_and_the_sweep_goes_on
     assert found["reached_stop"] == [True, True]
 
 
+def test_random_decks_are_equal_to_calculix_or_refused():
+    found = run("decks.py", "--decks", "4", "--seed", "1")
+    assert found["decks"] == {"equal": 3, "refused": 1} and found["silent"] == 0
+    assert found["by"]["cyclic job"] == found["by"]["cyclic tie"] == {"equal": 1}
+
+
 def test_every_format_of_matrix_files_reads_to_the_same_matrix():
     found = run("readers.py", "--dofs", "300", "--band", "10")["formats"]
     assert len(found) == 7

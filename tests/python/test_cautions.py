@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import h5py
 import numpy as np
 import pytest
+from bricks import brick
 from elastic import elastic_block
 from jobs import attrito, attrito_here, blocks, wedge, write_blocks, write_job
 from scipy.sparse import csr_matrix, diags
 
+from attrito.job.reading import read_job
 from attrito.model.model_file import write_model
 from attrito.model.rigidity import resisted_rotation, rotation_resistance
 from attrito.report.report import glance
 from attrito.report.view import View
 from attrito.results.result import Result
+from attrito.scene import cautions
 from attrito.scene.cautions import of_static_solution
 
 
@@ -54,6 +59,21 @@ def test_a_key_without_an_effect_is_accepted_and_named_once(tmp_path, capfd, key
         assert own.attribute("job") == other.attribute("job")
         assert np.array_equal(own.array("/contacts/force"), other.array("/contacts/force"))
     assert attrito(tmp_path, "run", "job.toml", ranks=2).stdout.count("has no effect") == 1
+
+
+@pytest.mark.parametrize(
+    ("balance", "told"),
+    [
+        ({"harmonics": 5, "quadrature": "auto"}, True),
+        ({"harmonics": 5, "quadrature": "auto", "tolerance": 0.01}, False),
+        ({"harmonics": 5, "quadrature": "event"}, False),
+        ({"harmonics": "auto", "quadrature": "auto"}, False),
+    ],
+)
+def test_a_tolerance_that_quadrature_stood_for_is_told_to_be_missing(balance, told):
+    job = read_job(wedge() | {"balance": balance})
+    assert any("[balance] tolerance is not given" in note for note in job.notes) == told
+    assert (job["balance"]["tolerance"] is None) == ("tolerance" not in balance and balance["harmonics"] == 5)
 
 
 def test_a_static_solution_in_which_nothing_touches_is_told_once(tmp_path, capfd):
@@ -204,4 +224,13 @@ def test_a_load_by_mass_that_supports_share_names_what_it_lacks(tmp_path, capfd,
     more = {"kind": "static", "gravity": [0.0, 0.0, -1e-6]} if load == "gravity" else {"kind": load, **spin}
     job["load"].append({"name": "by mass", **more})
     (said,) = set(warnings_of(tmp_path, capfd, job)) - set(plain)
-    assert said.startswith(f"load[{len(job['load']) - 1}]: matrices without held dofs lack 8.3% of the mass")
+    assert said.startswith(f"load[{len(job['load']) - 1}]: matrices without held dofs lack 8.33% of the mass")
+
+
+def test_kinds_of_elements_at_supports_without_shape_functions_are_named():
+    model = brick(held=lambda points: points[:, 0] < 1e-9)
+    job, scene = {"load": [{"kind": "centrifugal"}]}, SimpleNamespace(model=model)
+    assert cautions._lost_at_supports(job, scene) == []
+    model.elements = {"C3D10M": model.elements["C3D8"]}
+    (said,) = cautions._lost_at_supports(job, scene)
+    assert said.startswith("load[0]: what nodes of elements C3D10M share with supports is neither in the matrices")

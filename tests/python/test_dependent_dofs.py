@@ -106,3 +106,22 @@ def test_supports_by_name_hold_what_they_do_by_numbers(tmp_path):
 
     assert held("ENCASTRE") == held("1, 6") and held("pinned") == held("1, 3") == held("PINNED")
     assert [direction for _, direction in held("YSYMM")] == [2, 4, 6]
+
+
+@pytest.mark.parametrize(
+    ("lines", "expected"),
+    [
+        ("*CONTACT PAIR, INTERACTION=i\nfoot, foot\n", "not read: *CONTACT PAIR, line {line}; what"),
+        ("*MODEL CHANGE, TYPE=ELEMENT, REMOVE\nstrip\n", "not read: *MODEL CHANGE, line {line}; what"),
+        ("*BOUNDARY\nfoot, 3, 3, 0.1\n", "supports that move (*BOUNDARY, line {line}) are held at zero"),
+        ("*TRANSFORM, NSET=tip\n0., 1., 0., -1., 0., 0.\n", "forces of a load's file are along x, y, z"),
+        ("*DISTRIBUTING COUPLING, ELSET=strip\n1, 1.\n", "depend on others (*DISTRIBUTING COUPLING, line {line})"),
+        ("*BOUNDARY\nfoot, 3, 3, 0.\n*AMPLITUDE, NAME=a\n0., 0.\n", None),
+    ],
+)
+def test_what_a_deck_says_without_an_effect_here_is_told(tmp_path, lines, expected):
+    (tmp_path / "deck.inp").write_text(STRIP.replace("*STEP", f"{lines}*STEP", 1))
+    mesh = read_deck_mesh(tmp_path / "deck.inp")
+    said = mesh.remarks + [f"depend on others ({'; '.join(mesh.constraints)})" for _ in mesh.constraints]
+    line = STRIP[: STRIP.index("*STEP")].count("\n") + 1
+    assert any(expected.format(line=line) in one for one in said) if expected else said == []

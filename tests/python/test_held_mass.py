@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 from bricks import brick
-from scipy.sparse import diags
+from scipy.sparse import csr_matrix, diags, identity
 from scipy.sparse.linalg import spsolve
 
 from attrito.importers import import_model
@@ -60,6 +60,42 @@ def test_two_densities_that_nothing_tells_apart_are_not_known():
     assert SharedMass(model).unknown_share > 0.01
     upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
     assert inertia_of(model, upward) == pytest.approx(model.mass @ model.on_dofs(upward), rel=1e-12)
+
+
+def coupled(model: Model, place: tuple[float, float, float], heavy: bool = False) -> tuple[Model, csr_matrix]:
+    """The same whose node at a place moves along z as the one at the far end does, and the map T to all free dofs."""
+    node, other = (
+        int(model.node_ids[np.argmin(np.abs(model.coordinates - at).sum(axis=1))]) for at in (place, (0.1, 0.04, 0.03))
+    )
+    dof = {at: i for i, at in enumerate(zip(model.dof_node, model.dof_direction, strict=True))}
+    gone, stays = dof[node, 3], [i for i in range(model.size) if i != dof[node, 3]]
+    onto = identity(model.size, format="lil")
+    onto[gone, dof[other, 3]] = 1.0
+    onto = csr_matrix(onto[:, stays])
+    if heavy:
+        height = dict(zip(model.node_ids, model.coordinates[:, 2], strict=True))
+        scale = diags([np.sqrt(30.0) if height[one] > 0.02 else 1.0 for one in model.dof_node])
+        model.mass = (scale @ model.mass @ scale).tocsr()
+    model.stiffness, model.mass = (csr_matrix(onto.T @ matrix @ onto) for matrix in (model.stiffness, model.mass))
+    model.dof_node, model.dof_direction = (np.asarray(one)[stays] for one in (model.dof_node, model.dof_direction))
+    model.dependent, model.size = np.array([[node, 3]]), len(stays)
+    return model, onto
+
+
+def test_a_node_that_moves_as_another_far_away_hides_no_density():
+    held = {"held": lambda points: points[:, 0] < 1e-9}
+    model, onto = coupled(brick(**held), (0.1, 0.0, 0.0))
+    acceleration = np.tile([1.0, -2.0, 3.0], (len(model.node_ids), 1))
+    expected = onto.T @ of_whole(brick(), brick(**held), acceleration)
+    assert inertia_of(model, acceleration) == pytest.approx(expected, rel=1e-9, abs=1e-12 * np.abs(expected).max())
+    assert SharedMass(model).unknown_share == 0.0
+    assert SharedMass(coupled(brick(**held), (0.1, 0.0, 0.0), heavy=True)[0]).unknown_share > 0.01
+
+
+def test_a_load_that_a_node_which_moves_as_another_shares_with_a_support_is_refused():
+    model, _ = coupled(brick(held=lambda points: points[:, 0] < 1e-9), (0.1 / 3.0, 0.0, 0.0))
+    with pytest.raises(UnknownMassError, match="the matrices do not tell"):
+        inertia_of(model, np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1)))
 
 
 @pytest.mark.parametrize("bricks", [2, 5])

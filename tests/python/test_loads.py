@@ -366,6 +366,7 @@ def test_forces_by_numbers_lists_and_files_are_one_and_the_same(tmp_path):
         ("*CLOAD\nlow, 4, 1.0\n", "'low, 4, 1.0': expected a direction 1, 2 or 3"),
         ("*CLOAD\nlow, 1, inf\n", "'low, 1, inf': expected a finite number"),
         ("*CLOAD, AMPLITUDE=ramp\nlow, 1, 1.0\n", "expected *CLOAD without parameters"),
+        ("*CLOAD, FOLLOWER\nlow, 1, 1.0\n", "expected *CLOAD without parameters"),
         ("*DLOAD\n1, P7, 1.0\n", "'P7 on element 1': expected a face that the element has"),
         ("*DLOAD\n77, P1, 1.0\n", "'element 77': expected an element of the model"),
         (

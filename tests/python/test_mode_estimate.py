@@ -9,6 +9,8 @@ import pytest
 from jobs import Job, attrito, table, write_job
 from mode_jobs import rubbing, weakly_damped_wedge
 
+from attrito.results.result import Result
+
 
 def rows_of(folder: Path, job: Job) -> list[dict[str, float]]:
     """Numbers of the table of a job's mode, in a folder of its own."""
@@ -57,3 +59,13 @@ def test_the_estimate_is_the_error_against_a_series_six_times_as_long(tmp_path, 
         error = true_error(row, reference)
         assert error / 3.0 <= row["estimate"] <= 10.0 * error + 1e-6
     assert slipping >= 6, "the test is void unless it slips"
+
+
+@pytest.mark.parametrize("method", ["epmc", "quasi_static"])
+def test_a_file_of_modes_has_no_errors_of_contacts_work_which_nobody_estimates(tmp_path, method):
+    job = rubbing()
+    job["mode"] |= {"method": method, "points": 4}
+    assert rows_of(tmp_path / "mode", job)
+    with Result(tmp_path / "mode" / "result.mode.h5") as result:
+        assert result.has("/contacts/dissipated_energy")
+        assert not result.has("/contacts/dissipated_energy_error")

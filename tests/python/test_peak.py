@@ -6,6 +6,8 @@ import csv
 import io
 from types import SimpleNamespace
 
+import campaign_estimates
+import campaign_scenes
 import h5py
 import jobs
 import numpy as np
@@ -334,6 +336,22 @@ def test_a_peak_of_a_strip_that_is_partly_open_at_rest_arrives_within_its_band(w
     assert [found[0].peak.parameter, found[-1].peak.parameter] == [job["peak"]["start"], job["peak"]["stop"]]
     low, high = scene.band_hz
     assert all(low <= one.peak.frequency_hz <= high for one in found)
+
+
+@pytest.mark.parametrize("number", [245, 246])
+def test_a_broad_peak_that_is_swept_for_has_the_frequency_of_its_maximum(number):
+    # Where sweep and climb end next to nothing of the amplitude is left to be gained, but the top is so flat that the
+    # maximum was up to 8e-5 of the frequency away. Newton's method from there on has it to 1e-7 of half the width.
+    scene = campaign_scenes.make(20261128, number)
+    with campaign_estimates.Series(scene, 5, 128) as series:
+        tracker = series.tracker
+        peak = tracker.begin(1.0, tracker.linear_peak_hz())
+        near = [peak.frequency_hz * (1.0 + part) for part in (-1e-4, 0.0, 1e-4)]
+    with campaign_estimates.Series(scene, 5, 128) as series:
+        low, top, high = (point.amplitude[0] for point in series.solver.solve_at(near, 1.0, 0))
+    assert not peak.at_corner
+    vertex = 0.5 * (high - low) / (2.0 * top - low - high)
+    assert vertex == pytest.approx(0.0, abs=0.1), "of the parabola through three points, in steps of 1e-4"
 
 
 def test_a_peak_at_a_corner_is_said_to_be_one_and_falls_on_either_side():

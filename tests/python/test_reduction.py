@@ -120,6 +120,25 @@ def test_dofs_without_mass_follow_at_rest(tmp_path):
     assert worst((2 * np.pi * rom["modes/frequency_hz"][:]) ** 2 / expected, 1.0) < 1e-9
 
 
+def test_a_mass_of_one_point_an_element_has_the_modes_that_it_sees(tmp_path):
+    """As that of a C3D8R: eight elements give 54 dofs a mass of rank 24, and a search for nine modes finds more."""
+    model, points = elastic_block((2, 2, 2), SIZE)
+    centres = np.array(np.meshgrid(*[[0.25, 0.75]] * 3)).reshape(3, -1).T * SIZE
+    at_points = (np.abs(points - centres[:, None]) < 0.25 * np.array(SIZE) + 1e-9).all(axis=2) / 8.0
+    assert np.all(at_points.sum(axis=1) == 1.0), "eight corners each"
+    one = at_points.T @ at_points
+    free = np.flatnonzero(np.repeat(points[:, 0] > 1e-9, 3))
+    model.mass = csr_matrix(np.kron(one, np.eye(3))[free][:, free])
+    model.stiffness, model.damping = (matrix.tocsr()[free][:, free] for matrix in (model.stiffness, model.damping))
+    case = make_case(tmp_path, Model(model.stiffness, model.mass, model.damping), points)
+    boundary = np.array([51, 52, 53])
+    _, rom = case.reduce(boundary=boundary, modes=3)
+    inside = np.delete(np.arange(len(free)), boundary)
+    flexibility = np.linalg.inv(case.stiffness[np.ix_(inside, inside)])
+    squares = 1.0 / eigh(case.mass[np.ix_(inside, inside)], np.linalg.inv(flexibility), eigvals_only=True)[::-1][:3]
+    assert worst((2 * np.pi * rom["modes/frequency_hz"][:]) ** 2 / squares, 1.0) < 1e-9
+
+
 def test_the_count_by_inertia_agrees_with_a_dense_eigensolver(free):
     report, _ = free.reduce(modes=9)
     assert report.modes_below_shift == np.sum(free.clamped_frequencies < report.shift_hz)

@@ -78,6 +78,9 @@ NOT_READ = {
     "*NSET, UNKNOWN": DECK.replace("NSET=foot", "NSET=foot, ANYTHING"),
     "an empty set": f"{DECK}*NSET, NSET=none\n",
     "an empty range": f"{DECK}*NSET, NSET=none, GENERATE\n20, 30, 1\n",
+    "commas for points": DECK.replace("3, 2.0, 1.0", "3, 2,5, 1.0"),
+    "groups of digits in an id": DECK.replace("2, 2.0", "2_000, 2.0"),
+    "groups of digits in a number": DECK.replace("2, 2.0", "2, 2_0"),
     "no number": DECK.replace("2, 2.0", "2, 2.x0"),
     "a file that is missing": DECK.replace(f"*NODE\n{NODES}", "*NODE, INPUT=missing.txt"),
 }
@@ -148,7 +151,7 @@ def test_exponents_of_fortran_are_exponents(word, value):
     assert number(word) == value
 
 
-@pytest.mark.parametrize("word", ["d", "1d", "D5", "1.0DD0", "nodes"])
+@pytest.mark.parametrize("word", ["d", "1d", "D5", "1.0DD0", "nodes", "1_000", "1.5e1_0"])
 def test_what_is_no_number_stays_none(word):
     with pytest.raises(ValueError, match="could not convert"):
         number(word)

@@ -54,6 +54,9 @@ def fields(line: str) -> list[str]:
 
 def integers(words: list[str], block: Block, what: str) -> np.ndarray:
     """Entries that are whole numbers; a fault says what they should be."""
+    grouped = next((word for word in words if "_" in word), None)
+    if grouped is not None:
+        raise InputError(block.fault(grouped, what))
     try:
         return np.array(words, dtype=np.int64)
     except (ValueError, OverflowError) as error:

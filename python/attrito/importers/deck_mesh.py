@@ -16,6 +16,7 @@ import numpy as np
 from attrito.importers.deck import Block, read_blocks
 from attrito.importers.deck_elastic import ElementSets, elastic_constants
 from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type, fields, integers, set_members
+from attrito.importers.deck_remarks import remarks
 from attrito.importers.mesh_data import Mesh, check_coordinates
 from attrito.model.surfaces import element_family
 from attrito.support.errors import Fault, InputError
@@ -47,7 +48,10 @@ _PARAMETERS = {
     "NSET": ("NSET", "ELSET", "GENERATE", "INPUT", "INTERNAL", "UNSORTED", "INSTANCE"),
 }
 # What removes dofs from CalculiX's matrices without holding them at zero.
-CONSTRAINTS = ("EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "CYCLIC SYMMETRY MODEL", "PRE-TENSION SECTION")
+CONSTRAINTS = (
+    "EQUATION", "MPC", "TIE", "RIGID BODY", "COUPLING", "DISTRIBUTING COUPLING", "KINEMATIC COUPLING",
+    "CYCLIC SYMMETRY MODEL", "PRE-TENSION SECTION", "EMBEDDED ELEMENT", "SHELL TO SOLID COUPLING",
+)  # fmt: skip
 
 
 def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
@@ -80,12 +84,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         raise InputError(*map(_type_fault, others))
     element_blocks = [block for block in element_blocks if block not in others]
 
-    # Coordinates left out are zero, as in CalculiX.
-    nodes = [
-        [words[0], *map(repr, block.numbers(index, [*words[1:4], "", "", ""][:3]))]
-        for block in node_blocks
-        for index, words in enumerate(map(fields, block.data))
-    ]
+    nodes = [_place(block, index) for block in node_blocks for index in range(len(block.data))]
     node_ids = integers([words[0] for words in nodes], node_blocks[0], "node ids")
     if len(np.unique(node_ids)) < len(node_ids):
         ids, count = np.unique(node_ids, return_counts=True)
@@ -97,6 +96,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         _add_elements(mesh, block, node_ids[cells.data])
     mesh.elastic = elastic_constants(blocks, {kind: ids for kind, (ids, _) in mesh.elements.items()})
     mesh.skipped = [f"elements of type {element_type(block)}, line {block.line}" for block in others]
+    mesh.remarks = remarks(blocks, {*_NOT_READ, *_PARAMETERS, *CONSTRAINTS})
     mesh.node_sets = _node_sets(blocks, node_ids, mesh)
     mesh.constraints = [f"*{block.keyword}, line {block.line}" for block in blocks if block.keyword in CONSTRAINTS]
     if any(block.keyword == "BOUNDARY" for block in blocks):
@@ -124,6 +124,15 @@ def _not_read(block: Block) -> list[Fault]:
     if block.keyword == "NODE" and block.parameters.get("SYSTEM", "R").upper() != "R":
         faults.append(block.fault(f"SYSTEM={block.parameters['SYSTEM']}", "coordinates x, y, z"))
     return faults
+
+
+def _place(block: Block, index: int) -> list[str]:
+    """Id and coordinates of a line of `*NODE`; those left out are zero, as in CalculiX."""
+    words = fields(block.data[index])
+    if len(words) > 4:
+        # Commas for decimal points would pass for directions of a normal, which Abaqus's shells have.
+        raise InputError(block.fault_at(index, block.data[index], "id, x, y and z, with points and without a normal"))
+    return [words[0], *map(repr, block.numbers(index, [*words[1:], "", "", ""][:3]))]
 
 
 def _named(blocks: list[Block], keyword: str, parameter: str) -> np.ndarray:

@@ -34,7 +34,8 @@ class Mesh:
     constraints : keywords, with their line, that make dofs depend on others
     held : `[k, 2]`, nodes and directions that supports hold
     angles, elongations : nodes whose dofs 1 to 3 are rotations, and nodes whose dof 1 is no displacement of a place
-    skipped : what was not read, in words
+    skipped : elements that were not read, in words
+    remarks : what else of the file has no effect, in words
     axes : of nodes that move along axes of their own their directions 1, 2, 3 as rows `[3, 3]`, by id
     """
 
@@ -49,6 +50,7 @@ class Mesh:
     angles: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     elongations: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     skipped: list[str] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
     axes: dict[int, np.ndarray] = field(default_factory=dict)
 
 

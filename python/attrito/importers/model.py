@@ -254,7 +254,8 @@ def _notes(model: Model) -> list[str]:
 def _mesh_notes(mesh: Mesh | None) -> list[str]:
     if mesh is None:
         return []
-    notes = [f"left out of the mesh: {what} (not drawn, and no contact lies on them)" for what in mesh.skipped]
+    lost = "not drawn; no contact lies on them, and loads by mass lack what they share with supports"
+    notes = [f"left out of the mesh: {what} ({lost})" for what in mesh.skipped] + mesh.remarks
     if mesh.constraints:
         named = "; ".join(mesh.constraints)
         notes.append(

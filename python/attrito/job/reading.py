@@ -112,13 +112,21 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True, like: Job | 
 
 def retire(tables: dict[str, Any]) -> list[str]:
     """Take the keys that have no effect any more out of a job's tables; a sentence for each that is given."""
+    balance = tables["balance"]
+    was_held = balance.get("quadrature") == "auto" and balance["tolerance"] is None
     retired = [
         (table, key, spec.retired)
         for table, keys in TABLES.items()
         for key, spec in keys.items()
         if spec.retired and tables[table].pop(key, None) is not None
     ]
-    return [f"[{table}] {key} has no effect: {instead}; the key can be deleted" for table, key, instead in retired]
+    notes = [f"[{table}] {key} has no effect: {instead}; the key can be deleted" for table, key, instead in retired]
+    if was_held and isinstance(balance["harmonics"], int):
+        notes.append(
+            '[balance] tolerance is not given: quadrature = "auto" stood for 0.01, too; errors of fixed harmonics are'
+            " now estimated, but held against nothing; give it to have them held"
+        )
+    return notes
 
 
 def _check_table(

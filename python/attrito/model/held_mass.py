@@ -20,7 +20,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.sparse import coo_matrix, csr_matrix, diags, triu
+from scipy.sparse import coo_matrix, csr_matrix, diags
 
 from attrito.model.solid_shapes import KINDS, mass_shapes
 
@@ -29,8 +29,8 @@ if TYPE_CHECKING:
 
 # Part of a row's mass by which matrices and mesh may differ: rules of integration do in distorted elements
 SAME_MASS = 1e-3
-# Part of a load that may not be known
-MISSED = 1e-3
+# Part of a load that may not be known: displacements are those of all dofs together to about as much
+MISSED = 1e-4
 
 
 class UnknownMassError(Exception):
@@ -113,7 +113,7 @@ class SharedMass:
         if self._is_lumped or not self.blocks:
             return 0.0
         lost = 0.0
-        crossing = self._has_other_kinds_at_supports
+        crossing = bool(self.kinds_not_told)
         for block in self.blocks:
             for d in range(3):
                 held, depends = (which[block.rows, d] for which in (self.held, self.depends))
@@ -160,31 +160,31 @@ class SharedMass:
         inside, best = self._surrounded(block), np.inf
         for masses in block.masses:
             pairs = [self._comparable(block, masses, inside, d) for d in range(3)]
-            diagonal = np.concatenate([own.diagonal() for own, _ in pairs])
+            diagonal = np.concatenate([own.diagonal()[alone] for own, _, alone in pairs])
             if not len(diagonal):
                 continue
-            # Nodes that others depend on have more.
             density = float(np.median(diagonal))
-            # Point masses are on the diagonal.
-            differs = np.concatenate(
-                [np.abs(np.asarray((own - density * mesh)[triu(mesh, 1).nonzero()])).ravel() for own, mesh in pairs]
-            )
-            most = float(np.median(differs)) if self.depends.any() and len(differs) else differs.max(initial=0.0)
-            worst = most / density if density > 0.0 else np.inf
+            worst = 0.0
+            for own, mesh, alone in pairs:
+                # Point masses are on the diagonal.
+                row, column = mesh.nonzero()
+                counts = alone[row] & (row != column)
+                differs = np.abs(np.asarray((own - density * mesh)[row[counts], column[counts]]))
+                worst = max(worst, differs.max(initial=0.0) / density if density > 0.0 else np.inf)
             if worst <= SAME_MASS and worst < best:
                 best, block.mass = worst, density * masses
 
     def _comparable(
         self, block: _Block, masses: np.ndarray, inside: np.ndarray, d: int
-    ) -> tuple[csr_matrix, csr_matrix]:
-        """Of nodes along a direction the mass, and that of unit density, both by the latter's diagonal."""
+    ) -> tuple[csr_matrix, csr_matrix, np.ndarray]:
+        """Of nodes along a direction the mass, that of unit density, both by its diagonal, and which are alone."""
         row, column = (np.broadcast_to(rows, masses.shape) for rows in (block.rows[:, :, None], block.rows[:, None, :]))
         entries = masses.ravel(), (row.ravel(), column.ravel())
         nodes = np.flatnonzero(inside & (self.dof[:, d] >= 0))
         mesh = coo_matrix(entries, shape=(self._count, self._count)).tocsr()[nodes][:, nodes]
         own = self._model.mass[self.dof[nodes, d]][:, self.dof[nodes, d]]
         inverse = diags(mesh.diagonal() ** -0.5, shape=mesh.shape)
-        return csr_matrix(inverse @ own @ inverse), csr_matrix(inverse @ mesh @ inverse)
+        return csr_matrix(inverse @ own @ inverse), csr_matrix(inverse @ mesh @ inverse), self._alone[nodes]
 
     def _own_sums(self, d: int) -> np.ndarray:
         """Sums of the rows of the matrix over what moves along a direction, `[N]`; 0 at nodes that do not."""
@@ -194,6 +194,39 @@ class SharedMass:
         sums = np.zeros(self._count)
         sums[moves] = (self._model.mass @ along)[self.dof[moves, d]]
         return sums
+
+    @cached_property
+    def _alone(self) -> np.ndarray:
+        """Nodes whose rows of the mass have nothing that belongs to dependent ones, `[N]` bool.
+
+        They have no element in common with these, and no other depends on them: its neighbours would have entries with
+        them, though they share no element.
+        """
+        if not self.depends.any():
+            return np.ones(self._count, dtype=bool)
+        nodes = [row for _, connectivity in self._model.elements.values() for row in self._rows_of(connectivity)]
+        element, node = np.repeat(np.arange(len(nodes)), [len(row) for row in nodes]), np.concatenate(nodes)
+        lies_in = coo_matrix((np.ones(len(node)), (element, node)), shape=(len(nodes), self._count)).tocsr()
+        alone = np.asarray(lies_in.T @ (lies_in @ self.depends.any(axis=1).astype(float))) == 0.0
+        of_dof = np.full(self._model.size, -1)
+        row, direction = np.nonzero(self.dof >= 0)
+        of_dof[self.dof[row, direction]] = row
+        near = np.zeros(self._count, dtype=bool)
+        for block in self.blocks:
+            near[block.rows] = True
+        near &= alone
+        moves = self.dof[near][self.dof[near] >= 0]
+        entries = self._model.mass[moves].tocoo()
+        row, column = of_dof[moves[entries.row]], of_dof[entries.col]
+        # A column of no node is an angle, or the like, that moves dependent ones.
+        strange = (entries.data != 0.0) & (row != column)
+        shared = (lies_in[:, np.flatnonzero(near)].T @ lies_in).tocoo()
+        place, width = np.cumsum(near) - 1, self._count + 1
+        strange[strange] = ~np.isin(
+            place[row[strange]] * width + column[strange] + 1, shared.row.astype(np.int64) * width + shared.col + 1
+        )
+        alone[row[strange]] = False
+        return alone
 
     def _surrounded(self, block: _Block) -> np.ndarray:
         """Nodes all of whose elements are in a block, `[N]` bool."""
@@ -206,17 +239,21 @@ class SharedMass:
     def _missed(
         self, load: np.ndarray, known: list[tuple[_Block, np.ndarray]], d: int, values: np.ndarray
     ) -> np.ndarray:
-        """What rows next to dependent nodes, but those that others depend on too, differ by from the mesh, `[rows]`."""
+        """What the load lacks at dependent nodes, and what rows next to them differ by from the mesh, `[rows]`.
+
+        Those that others depend on are left out.
+        """
         ones = np.ones(self._count)
-        found = []
+        found = [np.empty(0)]
         for block, mass in known:
+            lost = block.sums(mass, self.held[:, d] * values, self._count)[self.depends[:, d]]
             adjacent = block.sums(np.abs(mass), self.depends[:, d].astype(float), self._count) > 0.0
             rows = np.flatnonzero(adjacent & self._surrounded(block) & (self.dof[:, d] >= 0))
             whole = block.sums(mass, ones, self._count)[rows]
             size = block.sums(np.abs(mass), ones, self._count)[rows]
             rows = rows[self._own_sums(d)[rows] <= whole + SAME_MASS * size]
-            found.append(load[self.dof[rows, d]] - block.sums(mass, values, self._count)[rows])
-        return np.concatenate([np.empty(0), *found])
+            found += [lost, load[self.dof[rows, d]] - block.sums(mass, values, self._count)[rows]]
+        return np.concatenate(found)
 
     @cached_property
     def _is_lumped(self) -> bool:
@@ -227,12 +264,14 @@ class SharedMass:
         return bool(entries.sum() <= (1.0 + SAME_MASS) * entries[np.arange(len(own)), own].sum())
 
     @property
-    def _has_other_kinds_at_supports(self) -> bool:
-        """Whether elements of kinds without shape functions here have both free and held nodes."""
-        others = [self._rows_of(nodes) for kind, (_, nodes) in self._model.elements.items() if kind not in KINDS]
-        return any(
-            bool(np.any(self.held[rows].any(axis=(1, 2)) & (self.dof[rows] >= 0).any(axis=(1, 2)))) for rows in others
-        )
+    def kinds_not_told(self) -> list[str]:
+        """Kinds of elements, without shape functions here, that have both free and held nodes."""
+        others = {kind: self._rows_of(nodes) for kind, (_, nodes) in self._model.elements.items() if kind not in KINDS}
+        return [
+            kind
+            for kind, rows in others.items()
+            if np.any(self.held[rows].any(axis=(1, 2)) & (self.dof[rows] >= 0).any(axis=(1, 2)))
+        ]
 
 
 def _volumes(model: Model, kind: str, rows: np.ndarray, rule: int) -> np.ndarray:

@@ -298,6 +298,8 @@ def _record(comm: Comm, recorder: Recorder, one: ModePoint, kind: str) -> float:
         if one.contact_work is not None and one.converged:
             friction = Series("real64", "work done against friction per period", "user energy")
             recorder.add("/contacts/dissipated_energy", friction, one.contact_work)
+        # The estimate is of the mode: its frequency and damping, or the work of all contacts.
+        recorder.leave_out("/contacts/dissipated_energy_error")
         work = float(np.nansum(recorder.heard("/contacts/dissipated_energy")))
         values = {
             "damping_ratio": one.damping_ratio(work) if one.converged else np.nan,

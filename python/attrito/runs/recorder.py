@@ -156,6 +156,11 @@ class Recorder:
         """Take down besides what the solver does not report itself, or in its place; at the root."""
         self._hear(path, what, values)
 
+    def leave_out(self, path: str) -> None:
+        """Take down nothing of what the solver reports, but does not know here; at the root."""
+        del self._told[path]
+        self._new.pop(path, None)
+
     def _hear(self, path: str, what: Series, values: np.ndarray) -> None:
         self._told[path] = values
         if path not in self._known:

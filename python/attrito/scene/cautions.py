@@ -14,8 +14,9 @@ import numpy as np
 from attrito.job.accelerations import BASE_KEYS
 from attrito.job.job import Job
 from attrito.library.reduced_scene import ReducedScene, all_alike
-from attrito.model.held_mass import SharedMass
+from attrito.model.held_mass import MISSED, SharedMass
 from attrito.model.rigidity import resisted_rotation
+from attrito.model.solid_shapes import KINDS
 from attrito.scene.scene import Contacts, Scene
 from attrito.scene.sector import wheel_axis
 
@@ -24,8 +25,6 @@ PARALLEL = 1e-6
 # Distance of paired nodes over the extent of their interface, and the rotation that slip and moment are of, rad.
 FAR_APART = 1e-3
 ROTATION = 1e-3
-# Part of the mass that a load may lack
-LOST_AT_SUPPORTS = 0.01
 # Part of the largest modal damping that is rounding.
 ROUNDING = 1e-10
 NOTHING_TOUCHES = "no contact touches at the static solution"
@@ -51,13 +50,21 @@ def _lost_at_supports(job: Job, scene: Scene) -> list[str]:
         for i, load in enumerate(job["load"])
         if load["kind"] == "centrifugal" or any(load.get(name) is not None for name in ("gravity", *BASE_KEYS))
     ]
-    if not by_mass or not scene.model.has_mesh or (share := SharedMass(scene.model).unknown_share) <= LOST_AT_SUPPORTS:
+    if not by_mass or not scene.model.has_mesh:
         return []
-    return [
-        f"{', '.join(by_mass)}: matrices without held dofs lack {share:.1%} of the mass, which nodes beside supports"
-        " share with them, and so does the load, since the mesh does not tell it: finer elements at the supports share"
-        " less"
-    ]
+    shared, found = SharedMass(scene.model), []
+    if (share := shared.unknown_share) > MISSED:
+        found.append(
+            f"{', '.join(by_mass)}: matrices without held dofs lack {share:.2%} of the mass, which nodes next to"
+            " supports share with them, and so does the load, since the mesh does not tell it: finer elements at the"
+            " supports share less"
+        )
+    if kinds := shared.kinds_not_told:
+        found.append(
+            f"{', '.join(by_mass)}: what nodes of elements {', '.join(kinds)} share with supports is neither in the"
+            f" matrices nor in the load: shape functions are known of {', '.join(KINDS)} alone"
+        )
+    return found
 
 
 def of_damping(scene: ReducedScene) -> list[str]:

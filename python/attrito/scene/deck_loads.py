@@ -99,7 +99,7 @@ class _Reader:
             name = block.parameters.get(block.keyword, "").upper()
             sets[name] = np.union1d(sets.get(name, []), set_members(block, sets)).astype(np.int64)
         elif block.keyword != "HEADING":
-            if "AMPLITUDE" in block.parameters or "LOAD CASE" in block.parameters or "OP" in block.parameters:
+            if set(block.parameters) - {"INPUT", ""}:
                 raise InputError(block.fault(", ".join(block.parameters), f"*{block.keyword} without parameters"))
             for line in block.data:
                 (self._force if block.keyword == "CLOAD" else self._pressure)(block, line)

@@ -37,5 +37,10 @@ def read_lines(path: str | os.PathLike[str], expected: str = "a text file that c
 
 
 def number(word: str) -> float:
-    """A number, with an exponent of `D` as Fortran writes it, too; `ValueError` if it is none."""
+    """A number, with an exponent of `D` as Fortran writes it, too; `ValueError` if it is none.
+
+    `1_000` is one for Python alone.
+    """
+    if "_" in word:
+        raise ValueError(f"could not convert string to float: {word.strip()!r}")
     return float(_FORTRAN.sub("e", word.strip()))
