@@ -272,8 +272,8 @@ contains
     real(wp), intent(in) :: coefficients(:, :)
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
-    !> Where the slider goes with the motion; where open; one interval of stick
-    type(moments_type) :: moving, opened, resting
+    !> Where the slider goes with the motion; where open, and where closed; one interval of stick
+    type(moments_type) :: moving, opened, closed, resting
     type(ends_type) :: ends
     real(wp) :: closed_normal, force(size(forces%deviation, 1))
     real(wp), allocatable :: basis(:, :), gradient(:, :, :), product(:, :)
@@ -285,17 +285,20 @@ contains
       ends = new_ends(record%ends(0:record%intervals), order)
       moving = new_moments(order)
       opened = new_moments(order)
+      closed = new_moments(order)
       do i = 1, record%intervals
         if (record%regimes(i) /= regime_stick) call moving%add(ends, i, 1.0_wp)
         if (record%regimes(i) == regime_open) call opened%add(ends, i, 1.0_wp)
+        if (record%regimes(i) /= regime_open) call closed%add(ends, i, 1.0_wp)
       end do
       call moving%complete()
       call opened%complete()
+      call closed%complete()
       closed_normal = law%normal_force(0.0_wp)
       g(:, :2) = kt*record%slip_force
       g(:, 3) = 0.0_wp
-      g(1, 3) = closed_normal
-      call opened%add_column(-closed_normal, g(:, 3))
+      ! Nothing of a contact that never closes: of a large gap 1 less the open part would leave its rounding.
+      call closed%add_column(closed_normal, g(:, 3))
       call opened%add_product(coefficients(:, 3), -kn, g(:, 3))
       do a = 1, 2
         call moving%add_product(coefficients(:, a), -kt, g(:, a))

@@ -31,10 +31,11 @@ def linear(force: float) -> np.ndarray:
     return force / abs(model["stiffness"][0][0] - omega**2 + 1j * omega * model["damping"][0][0])
 
 
+@pytest.mark.parametrize("tangents", [1, 2])
 @pytest.mark.parametrize(("press", "force"), [(420.0, 14.0), (0.0, 14.0), (0.0, 1e-8), (1e-6, 1e-8)])
 @pytest.mark.parametrize("gap", [1.0, 1e4, 1e6, 1e9, 1e20, 1e100, 1e300])
-def test_far_from_its_partner_the_response_is_that_without_the_contact(tmp_path: Path, gap, press, force):
-    run(tmp_path, open_job(gap, press, force))
+def test_far_from_its_partner_the_response_is_that_without_the_contact(tmp_path: Path, gap, press, force, tangents):
+    run(tmp_path, open_job(gap, press, force, tangents))
     with h5py.File(tmp_path / "result.h5") as file:
         assert file["monitors/x/amplitude"][:] == pytest.approx(linear(force), rel=1e-9)
         assert file["monitors/y/mean"][:] == pytest.approx(press / wedge()["model"]["stiffness"][1][1], rel=1e-9)
