@@ -169,55 +169,59 @@ contains
     type(interval_type), intent(inout), optional :: intervals(:)
     !> How many intervals there are
     integer, intent(out), optional :: count
-    integer :: i
+    integer :: i, side
 
     if (present(count)) count = 0
     do i = 1, size(self%closed)
       state%piece = self%piece(i)
-      if (.not. self%closed(i)) then
-        call add(state, self%cuts(i), self%cuts(i + 1), regime_open, 0, intervals, count)
-        call land(self, i + 1, state)
-        cycle
-      end if
       ! A start slider outside [L, U] at 0 is taken to the nearer end.
-      if (i == 1 .and. state%slider < self%lower_at(1)) call follow(self, 1, 1, state)
-      if (i == 1 .and. state%slider > self%upper_at(1)) call follow(self, 1, -1, state)
+      if (i == 1 .and. self%closed(1) .and. state%slider < self%lower_at(1)) call follow(self, 1, 1, state)
+      if (i == 1 .and. self%closed(1) .and. state%slider > self%upper_at(1)) call follow(self, 1, -1, state)
+      side = 0
       if (self%lower_rises(i) .and. self%lower_at(i + 1) > state%slider) then
-        call slip(self, i, 1, self%lower(:, self%piece(i)), self%lower_at(i) < state%slider, state, intervals, count)
+        side = 1
       else if (self%upper_falls(i) .and. self%upper_at(i + 1) < state%slider) then
-        call slip(self, i, -1, self%upper(:, self%piece(i)), self%upper_at(i) > state%slider, state, intervals, count)
-      else
-        call add(state, self%cuts(i), self%cuts(i + 1), regime_stick, 0, intervals, count)
+        side = -1
+      end if
+      if (present(intervals)) call keep(self, i, side, state, intervals, count)
+      if (.not. self%closed(i)) then
+        call land(self, i + 1, state)
+      else if (side /= 0) then
+        call follow(self, i + 1, side, state)
       end if
     end do
   end subroutine march_events
 
-  !> Stick until an end of the clamp meets the slider, and then slip with it.
-  subroutine slip(self, segment, side, clamp_end, sticks_first, state, intervals, count)
+  !> What happens in a segment: an open contact, stick, or stick until an end of the clamp meets the slider, and then slip with it.
+  subroutine keep(self, segment, side, state, intervals, count)
     type(event_motion_type), intent(in) :: self
-    !> Number of the segment between cuts; which end of the clamp: 1 or -1
+    !> Number of the segment between cuts; which end of the clamp meets the slider of a closed contact: 1 or -1, 0: none
     integer, intent(in) :: segment, side
-    !> Coefficients of the clamp's end
-    real(wp), intent(in) :: clamp_end(:)
-    !> Does it stick before it slips?
-    logical, intent(in) :: sticks_first
     !> Interval in which the contact is
-    type(interval_type), intent(inout) :: state
-    !> What happens, in order, and how many intervals there are, if asked for
-    type(interval_type), intent(inout), optional :: intervals(:)
-    integer, intent(inout), optional :: count
+    type(interval_type), intent(in) :: state
+    !> What happens, in order, and how many intervals there are
+    type(interval_type), intent(inout) :: intervals(:)
+    integer, intent(inout) :: count
     real(wp) :: hit
 
-    associate (from => self%cuts(segment), to => self%cuts(segment + 1))
+    associate (from => self%cuts(segment), to => self%cuts(segment + 1), piece => self%piece(segment))
       hit = from
-      if (sticks_first .and. present(intervals)) hit = root_between(clamp_end, state%slider, from, to)
+      if (.not. self%closed(segment)) then
+        call add(state, from, to, regime_open, 0, intervals, count)
+        return
+      else if (side == 0) then
+        hit = to
+      else if (side > 0 .and. self%lower_at(segment) < state%slider) then
+        hit = root_between(self%lower(:, piece), state%slider, from, to)
+      else if (side < 0 .and. self%upper_at(segment) > state%slider) then
+        hit = root_between(self%upper(:, piece), state%slider, from, to)
+      end if
       call add(state, from, hit, regime_stick, 0, intervals, count)
       call add(state, hit, to, regime_slip, side, intervals, count)
     end associate
-    call follow(self, segment + 1, side, state)
-  end subroutine slip
+  end subroutine keep
 
-  !> Put an interval behind the others, if they are asked for.
+  !> Put an interval behind the others, unless it has no length.
   pure subroutine add(state, from, to, regime, side, intervals, count)
     !> Interval in which the contact is
     type(interval_type), intent(in) :: state
@@ -225,11 +229,11 @@ contains
     real(wp), intent(in) :: from, to
     !> Regime: stick, slip or open; which end of the clamp: 1 or -1
     integer, intent(in) :: regime, side
-    !> What happens, in order, and how many intervals there are, if asked for
-    type(interval_type), intent(inout), optional :: intervals(:)
-    integer, intent(inout), optional :: count
+    !> What happens, in order, and how many intervals there are
+    type(interval_type), intent(inout) :: intervals(:)
+    integer, intent(inout) :: count
 
-    if (.not. present(intervals) .or. to <= from) return
+    if (to <= from) return
     count = count + 1
     intervals(count) = state
     intervals(count)%from = from
