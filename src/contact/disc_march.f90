@@ -15,6 +15,7 @@ module attrito_contact_disc_march
   use attrito_contact_disc_slip, only: slip_on
   use attrito_contact_disc_stick, only: stick_on
   use attrito_contact_slip_panel, only: slip_panel_type
+  use attrito_contact_state, only: regime_slip
   implicit none
   private
   public :: start_at, land, march_disc, slider_at
@@ -113,9 +114,17 @@ contains
     !> Changes between stick and slip in a row that lead nowhere; an interval that is rounding
     integer, parameter :: most_changes = 1000 ! guess
     real(wp), parameter :: nothing = 1.0e-14_wp ! derived
+    !> A disc that holds nothing, over the rounding of u
+    real(wp), parameter :: no_disc = 4.0_wp ! derived
     real(wp) :: theta, next, jet(6)
     integer :: change
 
+    if (motion%largest <= no_disc*motion%rounding) then
+      ! Without panels there is no force; the slider goes with the motion.
+      state%slips = .true.
+      call record%add_interval(to, regime_slip, state)
+      return
+    end if
     theta = from
     call motion%segment(theta, to, next)
     do change = 1, most_changes

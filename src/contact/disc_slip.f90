@@ -2,7 +2,7 @@
 !>
 !> Slip ends where |z| would no longer grow beyond the rim, u'.e = r'. A panel in which that happens is solved again, with its end
 !> there. Lengths of panels follow their error, which goes with the power s of the length. Where r all but vanishes and no panel is
-!> short enough the direction stays for next to nothing of the period: r dphi never grows along slip.
+!> short enough the direction stays for next to nothing of the period, twice as long each time: r dphi never grows along slip.
 module attrito_contact_disc_slip
   use attrito_core_kinds, only: wp
   use attrito_contact_disc_motion, only: disc_motion_type
@@ -18,8 +18,8 @@ module attrito_contact_disc_slip
 
   !> A panel, or what is left of it before slip ends, that is rounding
   real(wp), parameter :: shortest = 1.0e-13_wp, nothing = 1.0e-12_wp ! derived
-  !> Of these, in a row, so many that a march has failed
-  integer, parameter :: most_skipped = 1000 ! guess
+  !> Times that the direction stays for a while, each twice as long, before a march has failed: 1e-9 of the period in all
+  integer, parameter :: most_skipped = 12 ! derived
   !> In the first panel, if the direction went on turning as at its start
   real(wp), parameter :: first_turn = 0.7_wp ! guess
 
@@ -65,7 +65,7 @@ contains
         skipped = skipped + 1
         record%failed = skipped > most_skipped
         if (record%failed) return
-        theta = min(theta + nothing, to)
+        theta = min(theta + 2**skipped*nothing, to)
         speed = speed_at(theta)
         length = rules%longest
         cycle

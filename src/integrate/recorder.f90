@@ -171,8 +171,7 @@ contains
     real(wp) :: powers(0:ubound(segment%motion, 2))
     integer :: s, i, n
 
-    contacts = pack([(i, i=1, size(system%law))], segment%regime == regime_slip .and. system%law%tangents > 1 .and. &
-                    system%law%friction_coefficient > 0.0_wp)
+    contacts = pack([(i, i=1, size(system%law))], segment%regime == regime_slip .and. system%law%has_direction())
     allocate (slips(size(contacts)))
     n = ubound(powers, 1)
     powers(0) = 1.0_wp

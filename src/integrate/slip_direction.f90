@@ -19,7 +19,7 @@ module attrito_integrate_slip_direction
 
 contains
 
-  !> Does the contact land here, as far as can be told?
+  !> Does the contact land here, as far as can be known?
   pure logical function has_just_landed(radius, growth, rate)
     !> r, r', u'
     real(wp), intent(in) :: radius, growth, rate(2)

@@ -46,6 +46,7 @@ module attrito_model_contacts
     procedure :: slip_force
     procedure :: least_coefficient
     procedure :: is_proportional
+    procedure :: has_direction
     procedure :: limits
     procedure :: elements
     procedure :: element
@@ -130,6 +131,13 @@ contains
       least_coefficient = coulomb_spring%least_coefficient(self%friction_coefficient)
     end if
   end function least_coefficient
+
+  !> Does friction turn with slip: along two tangents, and not without friction?
+  elemental logical function has_direction(self)
+    class(contact_type), intent(in) :: self
+
+    has_direction = self%tangents > 1 .and. self%friction_coefficient > 0.0_wp
+  end function has_direction
 
   !> Is F = mu N with the contact's own coefficient?
   elemental logical function is_proportional(self)

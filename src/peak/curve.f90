@@ -447,6 +447,7 @@ contains
     solver%report = report
     ! The balance was evaluated elsewhere.
     call linearise(self%problem, solver, self%point, status)
+    self%found = status == 0
   end subroutine close_up
 
   !> From a maximum of a sampled peak to the highest one about it.

@@ -107,8 +107,8 @@ contains
     if (.not. is_near(self)) then
       if (allocated(self%monodromy)) deallocate (self%monodromy)
       self%verdict = indeterminate
-      self%reason = 'no orbit of motion in time near that of the balance'
-      if (self%distance >= 0.0_wp) self%reason = 'the orbit of motion in time lies '//part(self%distance)//' from that of the balance'
+      self%reason = 'no event-exact orbit near that of the balance'
+      if (self%distance >= 0.0_wp) self%reason = 'the event-exact orbit lies '//part(self%distance)//' from that of the balance'
     else if (self%verdict == indeterminate .and. options%decide) then
       self%verdict = decide_in_time(search%holding, search%loading, search%start)
       if (self%verdict /= indeterminate) self%reason = self%reason//'; decided by integration in time'

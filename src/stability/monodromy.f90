@@ -108,6 +108,7 @@ contains
       end if
       associate (law => reduced%system%law(i))
         by_normal = 0.0_wp
+        if (next%regime(i) == regime_stick) by_normal = next%by_normal(:, i)
         if (segment%regime(i) == regime_slip) by_normal = -segment%to(:, i)*law%friction_coefficient*law%normal_stiffness/ &
           law%tangential_stiffness
       end associate
@@ -157,13 +158,13 @@ contains
     real(wp) :: d(2, size(now%motion, 2))
 
     associate (law => reduced%system%law(contact))
-      if (law%tangents == 1) return
+      if (.not. law%has_direction()) return
       d = displacements_of(flow, reduced, before, [law%first_row, law%first_row + 1], now)
     end associate
     now%angle(contact, :) = e(1)*(d(2, :) - now%slider(contact, :, 2)) - e(2)*(d(1, :) - now%slider(contact, :, 1))
   end subroutine begin_slip
 
-  !> The flow over a segment or its first part: in equal steps, by squares of one, or in one step along which directions of slip turn.
+  !> The flow over a segment or its first part: in equal steps, or by squares of one unless directions of slip turn.
   subroutine pass(reduced, flow, segment, fraction, length, now)
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
@@ -181,13 +182,11 @@ contains
     if (length <= 0.0_wp) return
     steps = max(1, ceiling(fraction*length*sqrt(maxval(reduced%system%eigenvalues))/longest))
     doublings = ceiling(log(real(steps, wp))/log(2.0_wp))
-    if (size(segment%slips) > 0) then
-      call step_on(flow, reduced, segment, fraction, fraction*length, now)
-    else if (doublings*size(now%motion, 1) < steps_per_square*steps) then
+    if (size(segment%slips) == 0 .and. doublings*size(now%motion, 1) < steps_per_square*steps) then
       call pass_by_squares(reduced, flow, segment, fraction*length, doublings, now)
     else
       do step = 1, steps
-        call step_on(flow, reduced, segment, 1.0_wp, fraction*length/steps, now)
+        call step_on(flow, reduced, segment, fraction*[step - 1, step]/steps, fraction*length/steps, now)
       end do
     end if
   end subroutine pass
@@ -215,7 +214,7 @@ contains
     sliders%contact = flow%owner
     sliders%component = flow%component
     unit = unit_perturbations(m, size(now%slider, 1), sliders)
-    call step_on(flow, reduced, segment, 1.0_wp, length/2**doublings, unit)
+    call step_on(flow, reduced, segment, [0.0_wp, 1.0_wp], length/2**doublings, unit)
     matrix = matrix_of(unit, sliders)
     do i = 1, doublings
       matrix = matmul(matrix, matrix)

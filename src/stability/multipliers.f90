@@ -121,7 +121,7 @@ contains
     if (info == 0) call eigenvalues_of(regular, values, info)
     if (info /= 0) return
     associate (tangents => system%law%tangents)
-      turning = count(tangents > 1 .and. orbit%closed .and. .not. orbit%stuck)
+      turning = count(system%law%has_direction() .and. orbit%closed .and. .not. orbit%stuck)
       multipliers = sorted_multipliers(values, 2*modes + turning, sum(tangents, mask=.not. orbit%stuck) - turning, &
                                        sum(tangents, mask=orbit%stuck))
     end associate

@@ -39,7 +39,7 @@ contains
     do i = 1, size(law)
       if (stuck(i)) cycle
       if (regime(i) == regime_stick) memory = [memory, (memory_type(i, a), a=1, law(i)%tangents)]
-      if (regime(i) == regime_slip .and. law(i)%tangents > 1) memory = [memory, memory_type(i, 0)]
+      if (regime(i) == regime_slip .and. law(i)%has_direction()) memory = [memory, memory_type(i, 0)]
     end do
   end function memory_of
 

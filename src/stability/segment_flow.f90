@@ -138,14 +138,14 @@ contains
 
   !> One step of the series, p_{k+2} = (-Lambda p_k - (k + 1) D p_{k+1} - Phi^T B^T g_k)/((k + 1)(k + 2)) by powers of x, until its
   !> terms are below rounding.
-  subroutine step_on(self, reduced, segment, fraction, h, now)
+  subroutine step_on(self, reduced, segment, part, h, now)
     type(segment_flow_type), intent(in) :: self
     !> Modes on which stability is examined
     type(reduced_type), intent(in) :: reduced
     !> Segment of the orbit
     type(smooth_segment_type), intent(in) :: segment
-    !> Part of the segment that the step takes, of slip along two tangents from its beginning; its length in units of the clock
-    real(wp), intent(in) :: fraction, h
+    !> Where the step begins and ends in the segment, of 1, if directions of slip turn; its length in units of the clock
+    real(wp), intent(in) :: part(2), h
     !> Perturbations at the present instant
     type(perturbation_type), intent(inout) :: now
     type(slip_perturbation_type) :: slips(size(segment%slips))
@@ -156,7 +156,7 @@ contains
 
     do s = 1, size(slips)
       associate (contact => segment%slips(s)%contact)
-        slips(s) = new_slip_perturbation(reduced%system%law(contact), segment%slips(s), fraction, now%angle(contact, :), most_terms)
+        slips(s) = new_slip_perturbation(reduced%system%law(contact), segment%slips(s), part, now%angle(contact, :), most_terms)
       end associate
     end do
     held = slider_forces(self, reduced, now)

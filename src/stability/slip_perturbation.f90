@@ -36,36 +36,34 @@ module attrito_stability_slip_perturbation
 contains
 
   !> From psi at the beginning of a part of a segment.
-  pure function new_slip_perturbation(law, slip, fraction, psi, terms) result(self)
+  pure function new_slip_perturbation(law, slip, part, psi, terms) result(self)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Slip over the segment
     type(slip_series_type), intent(in) :: slip
-    !> Part of the segment
-    real(wp), intent(in) :: fraction
+    !> Where the series begins and ends in the segment, of 1
+    real(wp), intent(in) :: part(2)
     !> Direction of slip times the radius, where the contact does not land [columns]
     real(wp), intent(in) :: psi(:)
     !> Highest order
     integer, intent(in) :: terms
     type(slip_perturbation_type) :: self
-    real(wp) :: powers(0:ubound(slip%radius, 1))
-    integer :: k
+    integer :: n, a
 
-    powers(0) = 1.0_wp
-    do k = 1, ubound(powers, 1)
-      powers(k) = powers(k - 1)*fraction
-    end do
+    n = ubound(slip%radius, 1)
     self%contact = slip%contact
-    self%lands = slip%lands
+    self%lands = slip%lands .and. (slip%small .or. part(1) <= 0.0_wp)
     self%small = slip%small
     self%stiffness = law%tangential_stiffness
     self%friction = law%friction_coefficient*law%normal_stiffness
     self%slope = self%friction/self%stiffness
-    allocate (self%radius(0:ubound(powers, 1)), source=powers*slip%radius)
-    allocate (self%turn(0:ubound(powers, 1)), source=fraction*powers*slip%turn)
-    allocate (self%along(0:ubound(powers, 1)), source=fraction*powers*slip%along)
-    allocate (self%e(0:ubound(powers, 1), 2), source=spread(powers, 2, 2)*slip%e)
-    allocate (self%across(0:ubound(powers, 1), 2))
+    allocate (self%radius(0:n), source=of_part(slip%radius, part))
+    allocate (self%turn(0:n), source=(part(2) - part(1))*of_part(slip%turn, part))
+    allocate (self%along(0:n), source=(part(2) - part(1))*of_part(slip%along, part))
+    allocate (self%e(0:n, 2), self%across(0:n, 2))
+    do a = 1, 2
+      self%e(:, a) = of_part(slip%e(:, a), part)
+    end do
     self%across(:, 1) = -self%e(:, 2)
     self%across(:, 2) = self%e(:, 1)
     allocate (self%du(size(psi), 0:terms + 1, 2), self%dv(size(psi), 0:terms), self%dphi(size(psi), 0:terms), &
@@ -73,6 +71,27 @@ contains
     self%known = psi
     if (self%lands .or. self%radius(0) <= 0.0_wp) self%known = 0.0_wp
   end function new_slip_perturbation
+
+  !> A polynomial on a part of [0, 1], by powers of what has passed of that part.
+  pure function of_part(a, part) result(b)
+    !> Coefficients from degree 0; where the part begins and ends
+    real(wp), intent(in) :: a(0:), part(2)
+    real(wp) :: b(0:ubound(a, 1))
+    integer :: k, j
+
+    b = a
+    ! Horner's rule, once for each derivative.
+    if (part(1) > 0.0_wp) then
+      do k = 0, ubound(a, 1) - 1
+        do j = ubound(a, 1) - 1, k, -1
+          b(j) = b(j) + part(1)*b(j + 1)
+        end do
+      end do
+    end if
+    do k = 1, ubound(a, 1)
+      b(k) = b(k)*(part(2) - part(1))**k
+    end do
+  end function of_part
 
   !> c_k.
   pure real(wp) function coefficient(self, k)

@@ -93,7 +93,7 @@ contains
       found = [found, (of_period(self%sector, values(i), m, g, block), i=1, size(values))]
     end do
     associate (law => self%system%law)
-      turning = count(law%tangents > 1 .and. orbit%closed .and. .not. orbit%stuck)
+      turning = count(law%has_direction() .and. orbit%closed .and. .not. orbit%stuck)
       multipliers = [largest_of(found, min(size(found), 2*size(self%system%eigenvalues) + turning)), &
                      spread(multiplier_type(0.0_wp, kind_slip), 1, sum(law%tangents, mask=.not. orbit%stuck) - turning), &
                      spread(multiplier_type(1.0_wp, kind_stuck), 1, sum(law%tangents, mask=orbit%stuck))]

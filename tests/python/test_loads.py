@@ -367,6 +367,10 @@ def test_forces_by_numbers_lists_and_files_are_one_and_the_same(tmp_path):
         ("*CLOAD\nlow, 1, inf\n", "'low, 1, inf': expected a finite number"),
         ("*CLOAD, AMPLITUDE=ramp\nlow, 1, 1.0\n", "expected *CLOAD without parameters"),
         ("*CLOAD, FOLLOWER\nlow, 1, 1.0\n", "expected *CLOAD without parameters"),
+        (
+            "*CLOAD, OP=MOD\nlow, 1, 1.0\n*CLOAD, OP=NEW\nlow, 2, 1.0\n",
+            "line 3, *CLOAD = 'OP': expected *CLOAD without",
+        ),
         ("*DLOAD\n1, P7, 1.0\n", "'P7 on element 1': expected a face that the element has"),
         ("*DLOAD\n77, P1, 1.0\n", "'element 77': expected an element of the model"),
         (

@@ -41,3 +41,12 @@ def test_far_from_its_partner_the_response_is_that_without_the_contact(tmp_path:
         assert file["monitors/y/mean"][:] == pytest.approx(press / wedge()["model"]["stiffness"][1][1], rel=1e-9)
         assert np.all(file["contacts/n_mean"][:] == 0.0)
         assert np.all(file["points/iterations"][:] <= 4)
+
+
+@pytest.mark.parametrize("press", [1e-9, 1e-11, 1e-13, 1e-15])
+def test_a_contact_that_is_barely_pressed_holds_nothing(tmp_path: Path, press):
+    job = open_job(0.0, press, 14.0, 2)
+    job["contact"][0] |= {"normal": [[1, 1.0], [0, 0.1 * press]], "preload": press}
+    run(tmp_path, job)
+    with h5py.File(tmp_path / "result.h5") as file:
+        assert file["monitors/x/amplitude"][:] == pytest.approx(linear(14.0), rel=1e-6)

@@ -162,6 +162,20 @@ def test_contacts_that_slip_along_two_tangents_have_the_same_multipliers_on_the_
     assert max(np.abs(found[1] - value).min() for value in found[0]) < 2e-3
 
 
+def test_a_contact_without_friction_remembers_no_direction(tmp_path):
+    largest = []
+    for friction in (0.0, 1e-12):
+        job = rubbing_in_space()
+        job["contact"][0]["friction_coefficient"] = friction
+        run(tmp_path, examined(job, orbit="exact"))
+        (point,) = table(tmp_path)
+        assert (point["outcome"], point["stable"]) == ("converged", "true")
+        with h5py.File(tmp_path / "result.h5") as file:
+            largest.append(file["stability/largest_multiplier"][0])
+    assert largest[0] < 1.0
+    assert abs(largest[0] - largest[1]) < 1e-8
+
+
 def test_hills_problem_alone_does_not_examine_contacts_that_slip_along_two_tangents_and_that_is_told(tmp_path):
     run(tmp_path, examined(rubbing_in_space(), "hill"))
     (point,) = table(tmp_path)

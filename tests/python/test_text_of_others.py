@@ -51,6 +51,7 @@ SAID_OTHERWISE = {
     "elements in a file": DECK.replace(f"ELSET=all\n{BRICK}", "ELSET=all, INPUT=elements.txt"),
     "a set in a file": DECK.replace("NSET=foot\n1, 2, 3, 4", "NSET=foot, INPUT=foot.txt"),
     "a set of elements' nodes": DECK.replace("NSET=foot\n1, 2, 3, 4", "NSET=foot, ELSET=all"),
+    "normals at nodes": DECK.replace(NODES, NODES.replace("\n", ", 0.0, 0.6, 0.8\n")),
     "a comma in a name": DECK.replace("NSET=foot", 'NSET="foot, left"'),
 }
 

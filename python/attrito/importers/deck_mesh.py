@@ -130,8 +130,10 @@ def _place(block: Block, index: int) -> list[str]:
     """Id and coordinates of a line of `*NODE`; those left out are zero, as in CalculiX."""
     words = fields(block.data[index])
     if len(words) > 4:
-        # Commas for decimal points would pass for directions of a normal, which Abaqus's shells have.
-        raise InputError(block.fault_at(index, block.data[index], "id, x, y and z, with points and without a normal"))
+        # Commas for decimal points would pass for the normal that nodes of Abaqus's shells have: that is a unit vector.
+        normal = block.numbers(index, words[4:])
+        if len(words) != 7 or not (abs(np.linalg.norm(normal) - 1.0) < 1e-3 or not np.any(normal)):
+            raise InputError(block.fault_at(index, block.data[index], "id, x, y, z, and a unit normal or nothing"))
     return [words[0], *map(repr, block.numbers(index, [*words[1:], "", "", ""][:3]))]
 
 

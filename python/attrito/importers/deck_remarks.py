@@ -55,8 +55,10 @@ def remarks(blocks: list[Block], read: set[str]) -> list[str]:
 
 
 def _moves(words: list[str]) -> bool:
-    """Whether a line `node or set, first direction, last direction, value` of `*BOUNDARY` has a value but zero."""
+    """Whether a line `node or set, first, last direction, value` of `*BOUNDARY` moves one of directions 1 to 6."""
     try:
+        if len(words) > 1 and words[1].isdecimal() and int(words[1]) > 6:
+            return False
         return len(words) > 3 and number(words[3] or "0") != 0.0
     except ValueError:
         return True

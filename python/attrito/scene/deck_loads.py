@@ -87,6 +87,7 @@ class _Reader:
         self.node_sets = {name.upper(): ids for name, ids in model.node_sets.items()}
         self.element_sets: dict[str, np.ndarray] = {}
         self.elements = _Elements(model)
+        self.begun: set[str] = set()
 
     def row_of(self, nodes: np.ndarray) -> np.ndarray:
         return self.order[np.searchsorted(self.model.node_ids, nodes, sorter=self.order)]
@@ -99,7 +100,12 @@ class _Reader:
             name = block.parameters.get(block.keyword, "").upper()
             sets[name] = np.union1d(sets.get(name, []), set_members(block, sets)).astype(np.int64)
         elif block.keyword != "HEADING":
-            if set(block.parameters) - {"INPUT", ""}:
+            given = set(block.parameters) - {"INPUT", ""}
+            # Forces are added to those before; if there are none a new list is the same.
+            if block.parameters.get("OP", "").upper() in ("MOD", "NEW" if block.keyword not in self.begun else "MOD"):
+                given -= {"OP"}
+            self.begun.add(block.keyword)
+            if given:
                 raise InputError(block.fault(", ".join(block.parameters), f"*{block.keyword} without parameters"))
             for line in block.data:
                 (self._force if block.keyword == "CLOAD" else self._pressure)(block, line)

@@ -8,7 +8,7 @@ from attrito.scene.rom_file import Rom
 
 # Where they are chosen point by point, to begin with
 FIRST_HARMONICS = 3
-# Of a contact whose panels of slip would be shorter than rounding: (2 pi / 256)^2 / 12 = 5e-5 of the forces
+# Of a balance by samples, which no job asks for
 SAMPLES = 256
 
 
