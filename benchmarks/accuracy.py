@@ -205,13 +205,12 @@ def options_of(case: Case, harmonics: int, samples: int = 0) -> Options:
 
 
 def automatic(tolerance: float) -> Options:
-    """Harmonics and samples as a job's tolerance has them."""
+    """Harmonics as a job's tolerance has them."""
     return Options(
         harmonics=3,
         samples=64,
         by_events=True,
         choose_harmonics=True,
-        choose_samples=True,
         accepted_error=tolerance,
     )
 

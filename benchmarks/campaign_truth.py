@@ -38,7 +38,7 @@ from attrito.support.errors import NumericsError
 from attrito_verification.scene_grid.methods import state_of
 
 # Newton's method on the period map: most steps, a step, relative to the motion, that counts as none, halvings of a step
-# that does not lower the change, reduction above which the derivative is made anew; step of the differences
+# that does not lower the change, reduction above which the derivative is made again; step of the differences
 MOST_STEPS, SETTLED, MOST_HALVINGS, SLOW = 30, 1e-10, 6, 0.05
 DIFFERENCE = 1e-7
 # A last step of this length is accepted if the change does not fall any more: that is rounding

@@ -13,7 +13,7 @@ module attrito_accuracy_error_control
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_accuracy_amplitude_change, only: relative_change
-  use attrito_accuracy_error_estimate, only: error_estimate_type, any_sampled, harmonics_share, samples_share, own_monitors, &
+  use attrito_accuracy_error_estimate, only: error_estimate_type, harmonics_share, own_monitors, &
                                               short_series
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_accuracy_finer_solution, only: solve_finer
@@ -221,7 +221,7 @@ contains
     do i = 1, size(lengths)
       if (i > 1) then
         if (lengths(i) >= solver%options%harmonics) cycle
-        call solver%set_resolution(lengths(i), max(self%series%fewest_samples, 6*lengths(i) + 2))
+        call solver%set_resolution(lengths(i), samples)
         solver%evidence = previous
       end if
       call solve_by_strategies(solver, omega, at_little_cost=lengths(i) > long_series)
@@ -281,7 +281,7 @@ contains
     do attempt = 0, most_refinements
       call self%estimate(solver, solver%report%converged, finer)
       if (.not. (solver%report%converged .and. self%errors%are_known())) exit
-      if (.not. (self%series%choose_harmonics .or. self%series%choose_samples)) exit
+      if (.not. self%series%choose_harmonics) exit
       if (attempt == 0) call rely_on_comparison(self, solver)
       if (allocated(shorter)) then
         change = relative_change(shorter, own_monitors(solver))
@@ -297,13 +297,12 @@ contains
         end if
       end if
       harmonics = self%series%needed_harmonics(solver, self%errors, finer)
-      samples = self%series%needed_samples(solver, self%errors, harmonics)
+      samples = samples_for(solver, harmonics)
       ! A series on which estimates are not sure would be solved in vain.
       self%next_harmonics = max(harmonics, merge(0, nint(shrinking*solver%options%harmonics), was_sure))
       self%next_samples = samples
       if ((self%series%accepts(self%errors) .and. self%estimator%is_sure) .or. attempt == most_refinements) exit
       harmonics = max(harmonics, solver%options%harmonics)
-      samples = max(samples, solver%options%samples)
       unsettled = 0
       if (self%series%choose_harmonics .and. .not. self%estimator%is_sure) then
         was_sure = was_sure .and. self%estimator%is_stiff
@@ -313,8 +312,8 @@ contains
         harmonics = min(harmonics, most_growth*solver%options%harmonics)
         harmonics = max(harmonics, next_longer(solver%options%harmonics))
         harmonics = min(harmonics, most_harmonics)
-        samples = max(self%series%needed_samples(solver, self%errors, harmonics), solver%options%samples, 6*harmonics + 2)
       end if
+      samples = samples_for(solver, harmonics)
       left_open = merge(self%estimator%at_most, 0.0_wp, may_suffice(self))
       if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
       if (attempt == 0 .and. self%given_up > 0) then
@@ -381,13 +380,23 @@ contains
     can_leap = can_leap .and. .not. is_leap
     samples_of_step = samples
     if (harmonics > step) then
-      samples_of_step = max(self%series%needed_samples(solver, self%errors, step), solver%options%samples, 6*step + 2)
+      samples_of_step = samples_for(solver, step)
       call solve_finer(solver, finer, step, samples_of_step, .false., iterations, better)
       if (better) return
     end if
     here%motion = solver%motion
     call solve_finer(solver, here, min(harmonics, step), samples_of_step, .false., iterations, better)
   end subroutine leap_or_step
+
+  !> Samples of a series: those of before, but no fewer than see three times its harmonics; events need none.
+  pure integer function samples_for(solver, harmonics)
+    !> Solver of points
+    type(solver_type), intent(in) :: solver
+    !> Highest harmonic, H
+    integer, intent(in) :: harmonics
+
+    samples_for = max(solver%options%samples, 6*harmonics + 2)
+  end function samples_for
 
   !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted. It says nothing
   !> of a harmonic that both lack.

@@ -21,7 +21,7 @@ module attrito_accuracy_error_estimate
   use attrito_accuracy_work_error, only: estimate_work_errors
   implicit none
   private
-  public :: error_estimate_type, any_sampled, harmonics_share, samples_share, own_monitors, short_series
+  public :: error_estimate_type, harmonics_share, own_monitors, short_series
 
   !> Parts of the tolerance that harmonics and samples may take
   real(wp), parameter :: harmonics_share = 0.5_wp, samples_share = 0.25_wp ! conventional

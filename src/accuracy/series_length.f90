@@ -1,13 +1,11 @@
-!> How long a series has to be, and how dense its samples, for the error that is accepted.
+!> How long a series has to be for the error that is accepted.
 !>
 !> Harmonics left out fade as those do that are there: the error shrinks with the part of the motion beyond,
 !>
-!> $$ e_h = e_H \, \frac{|d_{> h}|}{|d_{> H}|}, $$
-!>
-!> that of samples with their square.
+!> $$ e_h = e_H \, \frac{|d_{> h}|}{|d_{> H}|} $$
 module attrito_accuracy_series_length
   use attrito_core_kinds, only: wp
-  use attrito_accuracy_error_estimate, only: any_sampled, harmonics_share, samples_share
+  use attrito_accuracy_error_estimate, only: harmonics_share
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_solve_solver, only: solver_type
@@ -15,13 +13,13 @@ module attrito_accuracy_series_length
   private
   public :: series_length_type, next_longer, most_harmonics, most_growth, long_series
 
-  !> What a change of harmonics or samples aims at of the part of the tolerance that they may take: the estimate may be too small by a
+  !> What a change of harmonics aims at of the part of the tolerance that they may take: the estimate may be too small by a
   !> factor, and the next point is not this one; of a long series, where a harmonic costs more than another try
   real(wp), parameter :: aimed_part = 0.3_wp, aimed_at_length = 0.9_wp ! conventional
   !> A series is cut where so few harmonics would do
   real(wp), parameter :: worth_cutting = 0.75_wp ! guess
-  !> Harmonics and samples between which they are chosen
-  integer, parameter :: most_harmonics = 100, most_samples = 8192 ! conventional
+  !> Most harmonics that are chosen
+  integer, parameter :: most_harmonics = 100 ! conventional
   !> Longest series to go to at once, in units of the present one: more is not known to be needed
   integer, parameter :: most_growth = 2 ! guess
   !> Longer series are long: Newton's method costs much there, and from far away it is given up early
@@ -30,14 +28,13 @@ module attrito_accuracy_series_length
   type :: series_length_type
     !> Relative error accepted in the amplitude
     real(wp) :: tolerance = no_tolerance
-    !> Choose harmonics and samples by it?
-    logical :: choose_harmonics = .false., choose_samples = .false.
-    !> Fewest harmonics, those of the loads, and fewest samples
-    integer :: fewest_harmonics = 1, fewest_samples = 32
+    !> Choose harmonics by it?
+    logical :: choose_harmonics = .false.
+    !> Fewest harmonics, those of the loads
+    integer :: fewest_harmonics = 1
   contains
     procedure :: accepts
     procedure :: needed_harmonics
-    procedure :: needed_samples
   end type series_length_type
 
 contains
@@ -50,14 +47,13 @@ contains
     next_longer = (5*harmonics)/4 + 2
   end function next_longer
 
-  !> Does the point meet what is asked of harmonics and samples?
+  !> Does the point meet what is asked of harmonics?
   pure logical function accepts(self, errors)
     class(series_length_type), intent(in) :: self
     !> Of the point
     type(point_errors_type), intent(in) :: errors
 
-    accepts = (.not. self%choose_harmonics .or. errors%harmonics <= harmonics_share*self%tolerance) .and. &
-              (.not. self%choose_samples .or. errors%samples <= samples_share*self%tolerance)
+    accepts = .not. self%choose_harmonics .or. errors%harmonics <= harmonics_share*self%tolerance
   end function accepts
 
   !> Harmonics that this point needs: the error shrinks with the part of the motion that is left out.
@@ -104,29 +100,4 @@ contains
     call solver%context%balance%ranks%sum(left_out)
     left_out = sqrt(left_out)
   end function tails
-
-  !> Samples that this point needs: their error falls like the square, and what harmonics are left out is to be seen.
-  integer function needed_samples(self, solver, errors, harmonics) result(needed)
-    class(series_length_type), intent(in) :: self
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Of the point
-    type(point_errors_type), intent(in) :: errors
-    !> Highest harmonic, H
-    integer, intent(in) :: harmonics
-    real(wp) :: factor
-
-    needed = solver%options%samples
-    if (.not. any_sampled(solver)) then
-      ! They serve nothing: enough once, they stay.
-      needed = max(needed, 6*harmonics + 2)
-      return
-    end if
-    if (self%choose_samples) then
-      factor = sqrt(errors%samples/(aimed_part*samples_share*self%tolerance))
-      if (factor > 1.0_wp .or. factor < worth_cutting) needed = 8*ceiling(min(max(factor, 0.5_wp), 8.0_wp)*needed/8.0_wp)
-      needed = min(max(needed, self%fewest_samples), most_samples)
-    end if
-    if (self%choose_harmonics) needed = max(needed, 6*harmonics + 2)
-  end function needed_samples
 end module attrito_accuracy_series_length

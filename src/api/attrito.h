@@ -44,8 +44,6 @@ typedef struct {
     int uncoupled;
     int by_events;
     int choose_harmonics;
-    int choose_samples;
-    int fewest_samples;
     int integrate_in_time;
     double tolerance;
     double accepted_error;

@@ -32,9 +32,7 @@ module attrito_api_solver
 
   type, bind(c) :: options_type
     integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events
-    integer(c_int) :: choose_harmonics, choose_samples
-    !> Where they are chosen
-    integer(c_int) :: fewest_samples
+    integer(c_int) :: choose_harmonics
     !> May starts come from integration in time?
     integer(c_int) :: integrate_in_time
     !> `accepted_error`: 0 where none is promised; `curve_tolerance`: error of the drawn curve, part of the largest amplitude
@@ -192,9 +190,7 @@ contains
     attrito_prepare = report_error(error, message)
     session%accuracy%series%tolerance = merge(options%accepted_error, no_tolerance, options%accepted_error > 0.0_c_double)
     session%accuracy%series%choose_harmonics = options%choose_harmonics /= 0
-    session%accuracy%series%choose_samples = options%choose_samples /= 0
     session%accuracy%series%fewest_harmonics = max((size(session%structure%harmonic_load, 2) - 1)/2, 1)
-    session%accuracy%series%fewest_samples = options%fewest_samples
     session%accuracy%errors%modes = options%mode_error
     session%curve_tolerance = options%curve_tolerance
     if (allocated(error)) return

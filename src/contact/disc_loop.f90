@@ -58,7 +58,7 @@ contains
     type(loop_type), intent(out) :: loop
     type(disc_state_type) :: state
     type(slip_panel_type) :: panel
-    real(wp) :: basis(size(motion%series, 2)), jet(6), next
+    real(wp) :: next
     integer :: i, k, columns
 
     k = size(motion%series, 2)
@@ -66,13 +66,7 @@ contains
     loop%record = new_record(cuts(1), k, size(forces%deviation, 1), columns, columns > 0, .true., rules)
     panel = new_slip_panel(rules, max(k, size(forces%deviation, 1)))
     allocate (loop%by_slider(columns, 2), source=0.0_wp)
-    jet = motion%at(two_pi)
-    basis = motion%basis_at(two_pi)
-    loop%slider = jet(1:2)
-    if (columns > 0) then
-      loop%by_slider(:k, 1) = basis
-      loop%by_slider(k + 1:2*k, 2) = basis
-    end if
+    call go_with_motion(motion, loop)
     do i = 1, size(cuts), 2
       call land(motion, cuts(i), loop%record, state)
       if (cuts(i) < two_pi .and. cuts(i + 1) > two_pi) then
@@ -105,7 +99,7 @@ contains
     type(loop_type), intent(out) :: loop
     type(disc_state_type) :: state
     type(slip_panel_type) :: panel
-    real(wp) :: ends(0:size(cuts) + 1), jet(6), basis(size(motion%series, 2))
+    real(wp) :: ends(0:size(cuts) + 1), jet(6)
     logical :: closed
     integer :: i, k, columns
 
@@ -135,14 +129,27 @@ contains
     if (closed) then
       call slider_at(motion, two_pi, loop%record, state, loop%slider, loop%by_slider)
     else
-      jet = motion%at(two_pi)
-      loop%slider = jet(1:2)
-      if (columns == 0) return
-      basis = motion%basis_at(two_pi)
-      loop%by_slider(:k, 1) = basis
-      loop%by_slider(k + 1:2*k, 2) = basis
+      call go_with_motion(motion, loop)
     end if
   end subroutine march_passing
+
+  !> The slider at the end of the period of a contact that holds nothing there: it is where the contact is.
+  subroutine go_with_motion(motion, loop)
+    !> Motion of the contact
+    type(disc_motion_type), intent(in) :: motion
+    !> The period
+    type(loop_type), intent(inout) :: loop
+    real(wp) :: basis(size(motion%series, 2)), jet(6)
+    integer :: k
+
+    jet = motion%at(two_pi)
+    loop%slider = jet(1:2)
+    if (size(loop%by_slider, 1) == 0) return
+    k = size(basis)
+    basis = motion%basis_at(two_pi)
+    loop%by_slider(:k, 1) = basis
+    loop%by_slider(k + 1:2*k, 2) = basis
+  end subroutine go_with_motion
 
   !> A contact that does not touch, or is not pressed: no tangential force, the slider goes with the motion.
   subroutine follow_motion(law, motion, coefficients, forces, loop)
@@ -156,22 +163,14 @@ contains
     !> The period
     type(loop_type), intent(out) :: loop
     type(disc_state_type) :: state
-    real(wp) :: basis(size(motion%series, 2)), jet(6)
-    integer :: columns, k
+    integer :: columns
 
-    k = size(motion%series, 2)
     columns = columns_of(motion, forces%without_jacobian, .false.)
-    loop%record = new_record(0.0_wp, k, size(forces%deviation, 1), columns, columns > 0, .true.)
+    loop%record = new_record(0.0_wp, size(motion%series, 2), size(forces%deviation, 1), columns, columns > 0, .true.)
     allocate (loop%by_slider(columns, 2), source=0.0_wp)
-    jet = motion%at(two_pi)
-    basis = motion%basis_at(two_pi)
-    loop%slider = jet(1:2)
+    call go_with_motion(motion, loop)
     loop%start = loop%slider
     state%slider = loop%slider
-    if (columns > 0) then
-      loop%by_slider(:k, 1) = basis
-      loop%by_slider(k + 1:2*k, 2) = basis
-    end if
     state%by_slider = loop%by_slider
     loop%touches = law%normal_force(coefficients(1, 3)) >= law%touching_force(coefficients(:, 3))
     call loop%record%add_interval(two_pi, merge(regime_slip, regime_open, loop%touches), state)

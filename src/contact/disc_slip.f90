@@ -1,7 +1,7 @@
 !> Slip of a contact with two tangents, panel after panel, until it sticks or to a given instant.
 !>
 !> Slip ends where |z| would no longer grow beyond the rim, u'.e = r'. A panel in which that happens is solved again, with its end
-!> there. Lengths of panels follow their error, which goes with the power s of the length. Where r all but vanishes and no panel is
+!> there. Lengths of panels follow their error, which goes with the power s of the length. If r all but vanishes and no panel is
 !> short enough the direction stays for next to nothing of the period, twice as long each time: r dphi never grows along slip.
 module attrito_contact_disc_slip
   use attrito_core_kinds, only: wp

@@ -176,7 +176,7 @@ contains
         side = -1
       end if
     end do
-    ! A maximum at a kink is no less than what is found beside it.
+    ! A maximum at a kink is no less than what is found next to it.
     do iteration = 1, size(motion%kinks)
       before = instant + distance_to(motion%kinks(iteration), instant)
       if (abs(before - instant) > near) cycle

@@ -1,7 +1,7 @@
 !> A resonance peak followed in a parameter p, the level or the preload: where r(d, omega, p) = 0 and psi(d, omega, p) = 0.
 !>
 !> A step predicts along the curve's tangent, to second order once two tangents are known, and corrects by Newton's method
-!> (attrito_peak_corrector). Where contacts with two tangents are sampled psi has kinks: their peaks are always climbed to by points
+!> (attrito_peak_corrector). If contacts with two tangents are sampled psi has kinks: their peaks are always climbed to by points
 !> of the frequency response (attrito_peak_climb).
 !>
 !> The parameter goes from value to value in one direction. Where the curve turns back, or no step along it is solved, at kinks where

@@ -15,8 +15,9 @@ module attrito_stability_reduced
   type :: reduced_type
     !> Of the modes that are kept
     type(system_type) :: system
-    !> R [rows, rows]
+    !> R [rows, rows]; are any modes at rest, or is it zero?
     real(wp), allocatable :: residual(:, :)
+    logical :: has_rest = .false.
   end type reduced_type
 
 contains
@@ -42,6 +43,7 @@ contains
     do row = 1, size(system%springs)
       weighted(:, row) = system%input_map(l + 1:, row)/system%eigenvalues(l + 1:)
     end do
+    self%has_rest = l < size(system%eigenvalues)
     self%residual = matmul(transpose(system%rows(l + 1:, :)), weighted)
   end function reduce_to
 end module attrito_stability_reduced

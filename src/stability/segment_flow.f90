@@ -71,7 +71,7 @@ contains
       self%held_map = system%input_map(:, self%held)
     end associate
     self%stiffness = stiffness_of(self, reduced, segment, segment%direction)
-    if (any(abs(reduced%residual) > 0.0_wp) .and. size(segment%slips) == 0) self%inverse = inverse_of(self, reduced, self%stiffness)
+    if (reduced%has_rest .and. size(segment%slips) == 0) self%inverse = inverse_of(self, reduced, self%stiffness)
   end function new_segment_flow
 
   !> G of all but changes of directions of slip [active, active].
@@ -168,7 +168,7 @@ contains
       scale = max(maxval(abs(term), 1), maxval(abs(next), 1))
       do k = 0, most_terms
         displacement = matmul(transpose(self%output_map), term)
-        if (k == 0) displacement = displacement - matmul(reduced%residual(self%active, self%held), held)
+        if (k == 0 .and. reduced%has_rest) displacement = displacement - matmul(reduced%residual(self%active, self%held), held)
         do s = 1, size(slips)
           if (.not. slips(s)%small) cycle
           associate (rows => system%rows(:, self%active(self%first(slips(s)%contact)):self%active(self%first(slips(s)%contact)) + 2))
@@ -233,7 +233,7 @@ contains
         end do
       end associate
     end do
-    if (any(abs(reduced%residual) > 0.0_wp)) displacement = matmul(inverse_of(self, reduced, stiffness), &
+    if (reduced%has_rest) displacement = matmul(inverse_of(self, reduced, stiffness), &
       displacement - matmul(reduced%residual(self%active, self%active), force))
     force = force + matmul(stiffness, displacement)
     do s = 1, size(slips)
@@ -277,7 +277,7 @@ contains
 
     d = matmul(transpose(reduced%system%rows(:, rows)), now%motion)
     associate (r => reduced%residual)
-      if (.not. any(abs(r) > 0.0_wp)) return
+      if (.not. reduced%has_rest) return
       held = slider_forces(self, reduced, now)
       stiffness = stiffness_of(self, reduced, segment, segment%to)
       force = 0.0_wp

@@ -2,7 +2,7 @@
 !> is smooth; and what becomes of a perturbed slider where a segment begins.
 !>
 !> Contact forces are continuous through every change, so the motion's perturbation is too, and of event times only that matters at
-!> which a slider comes to rest: it keeps what it then had. Where slip ends, w = u - r e and w' = 0; where a contact lands, w = u at
+!> which a slider comes to rest: it keeps what it then had. When slip ends, w = u - r e and w' = 0; when a contact lands, w = u at
 !> the root of N, which moves with v:
 !>
 !> $$ \delta w = \delta u - \frac{\mu k_n}{k_t} \delta v\, e - r\, \delta\phi\, e_\perp, \qquad
@@ -50,8 +50,10 @@ contains
     !> Units of the clock
     real(wp), intent(in) :: period
     type(orbit_segments_type), intent(out) :: self
+    real(wp) :: begun
     integer :: i, j, before
 
+    begun = 0.0_wp
     allocate (self%segment(size(trace)), self%stuck(size(law)))
     do i = 1, size(law)
       self%stuck(i) = all([(trace(j)%regime(i) == regime_stick, j=1, size(trace))])
@@ -59,8 +61,9 @@ contains
     do j = 1, size(trace)
       before = modulo(j - 2, size(trace)) + 1
       associate (segment => self%segment(j))
-        segment%from = two_pi*sum(trace(:j - 1)%length)/period
+        segment%from = two_pi*begun/period
         segment%length = two_pi*trace(j)%length/period
+        begun = begun + trace(j)%length
         segment%regime = trace(j)%regime
         segment%side = merge(trace(j)%side, 0, segment%regime == regime_slip)
         segment%direction = trace(j)%from

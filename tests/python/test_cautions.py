@@ -62,7 +62,7 @@ def test_a_key_without_an_effect_is_accepted_and_named_once(tmp_path, capfd, key
 
 
 @pytest.mark.parametrize(
-    ("balance", "told"),
+    ("balance", "said"),
     [
         ({"harmonics": 5, "quadrature": "auto"}, True),
         ({"harmonics": 5, "quadrature": "auto", "tolerance": 0.01}, False),
@@ -70,9 +70,9 @@ def test_a_key_without_an_effect_is_accepted_and_named_once(tmp_path, capfd, key
         ({"harmonics": "auto", "quadrature": "auto"}, False),
     ],
 )
-def test_a_tolerance_that_quadrature_stood_for_is_told_to_be_missing(balance, told):
+def test_a_tolerance_that_quadrature_stood_for_is_said_to_be_missing(balance, said):
     job = read_job(wedge() | {"balance": balance})
-    assert any("[balance] tolerance is not given" in note for note in job.notes) == told
+    assert any("[balance] tolerance is not given" in note for note in job.notes) == said
     assert (job["balance"]["tolerance"] is None) == ("tolerance" not in balance and balance["harmonics"] == 5)
 
 

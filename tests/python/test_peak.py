@@ -340,7 +340,7 @@ def test_a_peak_of_a_strip_that_is_partly_open_at_rest_arrives_within_its_band(w
 
 @pytest.mark.parametrize("number", [245, 246])
 def test_a_broad_peak_that_is_swept_for_has_the_frequency_of_its_maximum(number):
-    # Where sweep and climb end next to nothing of the amplitude is left to be gained, but the top is so flat that the
+    # When sweep and climb end next to nothing of the amplitude is left to be gained, but the top is so flat that the
     # maximum was up to 8e-5 of the frequency away. Newton's method from there on has it to 1e-7 of half the width.
     scene = campaign_scenes.make(20261128, number)
     with campaign_estimates.Series(scene, 5, 128) as series:

@@ -21,7 +21,6 @@ program test_integrate_schemes
                                       scheme_exponential]
   character(*), parameter :: names(5) = [character(19) :: 'central difference', 'Newmark', 'HHT', 'generalised alpha', &
                                          'exponential']
-  real(wp), parameter :: no_slider(2, 1) = 0.0_wp
 
   call run_in_session('integrate_schemes', [ &
                 test('every scheme is of second order on smooth motion', smooth_order), &

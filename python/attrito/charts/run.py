@@ -197,7 +197,7 @@ class Bench:
         return taken[-1] * max(growth, 2.0) > REFERENCE_SHARE * self._seconds
 
     def _is_automatic(self) -> bool:
-        return bool(self._options.choose_harmonics or self._options.choose_samples)
+        return self._options.choose_harmonics
 
     def _own(self) -> Options:
         """The job's own options, coupled."""
@@ -206,12 +206,11 @@ class Bench:
     def _automatic(self, tolerance: float) -> Options:
         first = max((len(self._scene.harmonic) - 1) // 2, 3)
         samples = max(64, 6 * first + 2)
-        choices = {"choose_harmonics": True, "choose_samples": True, "accepted_error": tolerance}
+        choices = {"choose_harmonics": True, "accepted_error": tolerance}
         return replace(self._options, harmonics=first, samples=samples, by_events=True, uncoupled=False, **choices)
 
     def _fixed(self, harmonics: int, samples: int, **other: object) -> Options:
-        fixed = {"choose_harmonics": False, "choose_samples": False}
-        choices = {"by_events": True, "uncoupled": False} | fixed | other
+        choices = {"by_events": True, "uncoupled": False, "choose_harmonics": False} | other
         return replace(self._options, harmonics=harmonics, samples=samples, **choices)
 
     def _series(self, reference: Way) -> list[Iterator[Way]]:

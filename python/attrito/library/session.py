@@ -30,8 +30,8 @@ class Options:
     """Choices of the harmonic balance; see docs/job.md.
 
     `accepted_error`: relative error of the amplitude beyond which a point is `above_tolerance`; 0: not checked. With
-    `choose_harmonics` and `choose_samples` the numbers given are those to begin with, `accepted_error` is what they are
-    chosen by, and there are at least `fewest_samples`. `mode_error`: the reduced model's own share of the error.
+    `choose_harmonics` the number given is the one to begin with, and `accepted_error` what it is chosen by.
+    `mode_error`: the reduced model's own share of the error.
     `curve_tolerance`: error of the curve drawn through a sweep's points, part of the largest amplitude.
     `integrate_in_time`: may points that are found from no other start be sought from motion integrated in time?
     """
@@ -44,8 +44,6 @@ class Options:
     uncoupled: bool = False
     by_events: bool = False
     choose_harmonics: bool = False
-    choose_samples: bool = False
-    fewest_samples: int = 32
     integrate_in_time: bool = True
     tolerance: float = 1e-10
     accepted_error: float = 0.0
