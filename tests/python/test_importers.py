@@ -390,6 +390,15 @@ def test_faulty_calculix_files_are_named_with_their_place(changes, said, tmp_pat
     assert not (tmp_path / "model.h5").exists()
 
 
+@pytest.mark.parametrize("ending", ["sti", "mas", "dof"])
+def test_no_line_of_calculix_files_is_lost_in_silence(ending, tmp_path):
+    lines = (DATA / f"two_springs.{ending}").read_text().splitlines(keepends=True)
+    for i in range(len(lines)):
+        for some in ([*lines[:i], *lines[i + 1 :]], lines[:i], lines[i + 1 :]):
+            said = fault_lines(import_model, **copy_springs(tmp_path, **{ending: "".join(some)}))
+            assert f"job.{ending}" in said or "of the .dof file" in said or "in the .dof file" in said
+
+
 def test_files_that_are_not_there_are_named(tmp_path):
     job = {"calculix_job": tmp_path / "absent", "mesh": tmp_path / "absent.inp"}
     assert "absent.dof" in fault_lines(import_model, tmp_path / "m.h5", **job)

@@ -116,9 +116,7 @@ def _calculix_matrices(
     if len(thermal):
         expected = "displacements: the matrices of a mechanical step"
         raise InputError(Fault(dofs, "file", f"{thermal[0]}.0, a temperature", expected))
-    endings = {"stiffness": "sti", "mass": "mas"}
-    read = {name: read_calculix(f"{job}.{ending}", name, len(known_dofs[0])) for name, ending in endings.items()}
-    return read, known_dofs
+    return read_calculix(job, len(known_dofs[0])), known_dofs
 
 
 def _model(
