@@ -344,6 +344,12 @@ def test_a_dof_without_mass_is_carried_by_stiffness_and_is_not_damped():
     assert (fault.key, fault.value) == ("mass", "no mass at dof 0 and 2 more")
 
 
+def test_coupled_dofs_without_a_diagonal_are_faults():
+    """As where the first line of a matrix file is lost."""
+    (fault,) = check_matrices(change(STIFFNESS, 0, 0, 0.0), csr_matrix(MASS), None, "job.toml")
+    assert (fault.key, fault.value) == ("stiffness", "0 on the diagonal at dof 0")
+
+
 def test_sound_matrices_have_no_faults():
     slightly = change(STIFFNESS, 0, 1, -1.0 - 1.0e-12)
     assert check_matrices(slightly, csr_matrix(MASS), csr_matrix((3, 3)), "job.toml") == []
