@@ -158,7 +158,7 @@ def _tell(message: str, code: int) -> int:
 
 
 def _all_come(ranks: Comm) -> bool:
-    """Whether all ranks come here within some seconds: rank 0 hears of each and tells them."""
+    """Whether all ranks come here within some seconds: rank 0 hears from each and answers."""
     others, end = range(1, ranks.size), time.monotonic() + PATIENCE
     if ranks.rank:
         ranks.isend(None, 0, HERE)
