@@ -122,3 +122,17 @@ def test_ranks_that_ask_for_different_jobs_are_told_so(tmp_path, what):
     told = "job: on rank(s) 1 = 'another than on rank 0': expected the same job on every rank"
     assert done.stdout.count(told) == 2
     assert not (tmp_path / "result.h5").exists()
+
+
+def test_a_library_that_one_rank_alone_does_not_have_ends_all(tmp_path):
+    write_job(tmp_path, chain())
+    script = """
+import os, sys
+from mpi4py import MPI
+if MPI.COMM_WORLD.rank == 1:
+    os.environ["ATTRITO_LIBRARY"] = "absent.so"
+from attrito.cli.program import main
+sys.exit(main(["run", "-q", "job.toml"]))
+"""
+    done = on_two_ranks(tmp_path, script)
+    assert done.returncode == 2 and done.stderr.count("absent.so") == 1

@@ -344,6 +344,12 @@ def test_a_dof_without_mass_is_carried_by_stiffness_and_is_not_damped():
     assert (fault.key, fault.value) == ("mass", "no mass at dof 0 and 2 more")
 
 
+def test_coupled_dofs_without_a_diagonal_are_faults():
+    """As where the first line of a matrix file is lost."""
+    (fault,) = check_matrices(change(STIFFNESS, 0, 0, 0.0), csr_matrix(MASS), None, "job.toml")
+    assert (fault.key, fault.value) == ("stiffness", "0 on the diagonal at dof 0")
+
+
 def test_sound_matrices_have_no_faults():
     slightly = change(STIFFNESS, 0, 1, -1.0 - 1.0e-12)
     assert check_matrices(slightly, csr_matrix(MASS), csr_matrix((3, 3)), "job.toml") == []
@@ -388,6 +394,15 @@ def test_faulty_calculix_files_are_named_with_their_place(changes, said, tmp_pat
     for words in said:
         assert words in lines
     assert not (tmp_path / "model.h5").exists()
+
+
+@pytest.mark.parametrize("ending", ["sti", "mas", "dof"])
+def test_no_line_of_calculix_files_is_lost_in_silence(ending, tmp_path):
+    lines = (DATA / f"two_springs.{ending}").read_text().splitlines(keepends=True)
+    for i in range(len(lines)):
+        for some in ([*lines[:i], *lines[i + 1 :]], lines[:i], lines[i + 1 :]):
+            said = fault_lines(import_model, **copy_springs(tmp_path, **{ending: "".join(some)}))
+            assert f"job.{ending}" in said or "of the .dof file" in said or "in the .dof file" in said
 
 
 def test_files_that_are_not_there_are_named(tmp_path):

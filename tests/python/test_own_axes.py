@@ -96,6 +96,12 @@ def test_calculix_keeps_dofs_along_x_y_z_at_nodes_of_transform(tmp_path):
     assert not any("depend on others" in note for note in notes)
 
 
+def test_matrices_along_axes_of_transform_are_refused(tmp_path):
+    """What CalculiX 2.20 writes so is along the axes of each node, and the file of dofs looks the same."""
+    with pytest.raises(InputError, match="GLOBAL=NO.*: GLOBAL=YES"):
+        imported(tmp_path / "own", BODY + TRANSFORM + STEP.replace("MATRIXSTORAGE", "MATRIXSTORAGE, GLOBAL=NO"))
+
+
 def test_a_support_along_axes_of_transform_is_said_to_be_an_equation(tmp_path):
     model, notes = imported(tmp_path / "held", BODY + TRANSFORM + "*BOUNDARY\n2,2,2\n" + STEP)
     # One displacement of node 2 depends on the other.

@@ -10,6 +10,7 @@ import argparse
 import contextlib
 import os
 import sys
+import time
 import traceback
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
@@ -55,6 +56,11 @@ READ = (
     "beside",
 )
 
+# Seconds that a rank with a fault waits for others that have it, too
+PATIENCE = 5.0
+# Tag of their messages
+HERE = 4711
+
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command; returns the exit code."""
@@ -78,8 +84,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             options.work(options)
             sys.stdout.flush()
         except (InputError, NumericsError) as error:
-            _tell(f"{_place(options, error)}{error}")
-            return 1 if isinstance(error, NumericsError) else 2
+            return _tell(f"{_place(options, error)}{error}", 1 if isinstance(error, NumericsError) else 2)
         except BrokenPipeError:
             # Whoever reads what is printed has seen enough.
             forget_output()
@@ -138,12 +143,35 @@ def _ranks() -> Comm | None:
     return None if mpi is None or not mpi.Is_initialized() or mpi.COMM_WORLD.size == 1 else mpi.COMM_WORLD
 
 
-def _tell(message: str) -> None:
-    """Print a message once; every rank has raised the same one."""
+def _tell(message: str, code: int) -> int:
+    """Print a message once, and end with a code; every rank has raised the same one, or this one alone."""
     ranks = _ranks()
     forget_output()
     if ranks is None or ranks.rank == 0:
         _print_error(message)
+    if ranks is not None and not _all_come(ranks):
+        # A library that one machine does not have is missed there alone, and the others wait for this rank.
+        if ranks.rank:
+            _print_error(message)
+        ranks.Abort(code)
+    return code
+
+
+def _all_come(ranks: Comm) -> bool:
+    """Whether all ranks come here within some seconds: rank 0 hears from each and answers."""
+    others, end = range(1, ranks.size), time.monotonic() + PATIENCE
+    if ranks.rank:
+        ranks.isend(None, 0, HERE)
+    # Not collective: that would take part in what the others wait in.
+    awaited = [ranks.irecv(source=rank, tag=HERE) for rank in (others if ranks.rank == 0 else [0])]
+    while awaited:
+        awaited = [one for one in awaited if not one.test()[0]]
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.001)
+    for sent in [ranks.isend(None, rank, HERE) for rank in others if ranks.rank == 0]:
+        sent.wait()
+    return True
 
 
 def _end_alone(message: str, code: int) -> int:

@@ -58,7 +58,10 @@ def _massless(
     label: Callable[[int], str],
     without_mass: str,
 ) -> list[Fault]:
-    """Dofs without mass where there must be none, or that the others do not carry: by stiffness, without damping."""
+    """Dofs without mass where there must be none, or that the others do not carry: by stiffness, without damping.
+
+    No structure has a coupled dof whose own stiffness is zero; a file that has lost lines does.
+    """
     mass, stiffness, damping = (matrices[name] for name in ("mass", "stiffness", "damping"))
     assert mass is not None and stiffness is not None
     bare = massless(mass)
@@ -75,6 +78,10 @@ def _massless(
         return fault("mass", "no mass", bare, without_mass)
     expected = "stiffness where no mass is (a Lagrange multiplier has none: remove what makes it)"
     faults = fault("stiffness", "no stiffness", bare[stiffness.diagonal()[bare] <= 0.0], expected)
+    carried = np.flatnonzero(stiffness.diagonal() == 0.0)
+    carried = carried[np.asarray(abs(stiffness[carried]).sum(axis=1)).ravel() > 0.0]
+    expected = "a diagonal in every row with entries: have lines of the file been lost?"
+    faults += fault("stiffness", "0 on the diagonal", np.setdiff1d(carried, bare), expected)
     if damping is not None:
         damped = bare[np.asarray(abs(damping[bare]).sum(axis=1)).ravel() > 0.0]
         faults += fault("damping", "damping", damped, "no damping where no mass is")
