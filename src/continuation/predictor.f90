@@ -36,6 +36,8 @@ module attrito_continuation_predictor
     type(constraint_type) :: constraint
     !> Straight way there, means left out
     real(wp) :: length = 0.0_wp
+  contains
+    procedure :: go_to_frequency
   end type prediction_type
 
   type :: predictor_type
@@ -155,6 +157,17 @@ contains
                                     + prediction%constraint%frequency*prediction%omega
     end associate
   end subroutine predict
+
+  !> Let the point be sought at the frequency at which it is expected, not in a plane across the branch.
+  subroutine go_to_frequency(self, solver)
+    class(prediction_type), intent(inout) :: self
+    !> Solver of points: its scale of frequencies
+    type(solver_type), intent(in) :: solver
+
+    self%constraint%motion = 0.0_wp*self%motion
+    self%constraint%frequency = 1.0_wp/solver%context%frequency_scale
+    self%constraint%value = self%constraint%frequency*self%omega
+  end subroutine go_to_frequency
 
   !> A point, and the plane there across the straight way to it, means left out.
   subroutine across_way(solver, motion, omega, prediction)

@@ -96,6 +96,9 @@ module attrito_continuation_stepper
     integer :: failures = 0, peaks = 0
     !> Has the tangent been turned round? Is the next prediction along the last arc, or along the tangent?
     logical :: flipped = .false., by_arc = .true.
+    !> Is the next point sought at a frequency? Where a contact begins to slip, the branch may turn by more than a right angle:
+    !> a plane across it meets neither side of the corner, while the frequency goes on
+    logical :: in_frequency = .false.
     !> The shortest arc whose drawn curve erred too much
     real(wp) :: shortest = huge(1.0_wp)
   end type tries_type
@@ -209,15 +212,16 @@ contains
       if (.not. allocated(prediction%motion)) then
         self%size = limited_in_frequency(self%size, self%tangent%reach()*abs(self%tangent%omega), self%tolerance)
         call self%predictor%predict(solver, self%tangent, self%size, tries%by_arc, prediction)
+        if (tries%in_frequency) call prediction%go_to_frequency(solver)
       end if
       call correct(solver, prediction, self%size*self%tangent%reach()*solver%context%motion_scale*self%tangent%slider, &
-                   tries%failures < most_brief, distance)
+                   tries%failures < most_brief .and. .not. tries%in_frequency, distance)
       deallocate (prediction%motion)
       iterations = iterations + solver%report%iterations
       accepted = solver%report%converged .and. (is_near(distance) .or. self%size <= smallest_step)
       if (accepted) accepted = .not. self%secant%is_opposed(solver, before)
       if (accepted) then
-        call self%examine_step(solver, before, tangent, point, error)
+        call self%examine_step(solver, before, tries%in_frequency, tangent, point, error)
         if (.not. kept%is_beaten(error)) exit
         part = part_to_solve(self, point, error, tries)
         if (part < 0.0_wp) then
@@ -235,6 +239,12 @@ contains
         if (kept%is_next(tries%failures)) exit
         if (.not. kept%is_known) then
           call self%hidden%add_failure()
+          if (self%hidden%creep() .and. .not. tries%in_frequency) then
+            tries%in_frequency = .true.
+            call self%predictor%drop_ahead()
+            call restore(solver, before)
+            cycle
+          end if
           if (ends_here(self, solver)) then
             call restore(solver, before)
             solver%report%converged = .false.
@@ -315,12 +325,14 @@ contains
 
   !> What a step to the solver's present point leads to, `last` being this step afterwards: tangent, point of the drawn curve, and its
   !> error, relative to what is accepted.
-  subroutine examine_step(self, solver, before, tangent, point, error)
+  subroutine examine_step(self, solver, before, in_frequency, tangent, point, error)
     class(stepper_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Motion, sliders and frequency at the beginning of the step
     type(snapshot_type), intent(in) :: before
+    !> Does the branch go on as the frequency does? If not, as the chord of the step does
+    logical, intent(in) :: in_frequency
     !> Tangent of the branch
     type(tangent_type), intent(out) :: tangent
     !> Point of the drawn curve
@@ -336,6 +348,7 @@ contains
     call self%last%take(before, solver, self%tangent)
     towards = self%last%chord(solver)
     if (towards%share < mean_share) towards = self%tangent
+    if (in_frequency) towards = tangent_type(omega=sign(1.0_wp, towards%omega))
     call tangent_of_evaluation(solver, towards, tangent, point, status)
     if (status /= 0) return
     call self%last%draw(solver, self%tangent, tangent)

@@ -42,7 +42,7 @@ contains
     do
       call solver%solve_stuck_at(range%clipped(before%omega + part*whole), accepted)
       if (.not. accepted) return
-      call stepper%examine_step(solver, before, tangent, point, error)
+      call stepper%examine_step(solver, before, .false., tangent, point, error)
       if (abs(solver%omega - before%omega) <= smallest_step*solver%context%frequency_scale) exit
       if (error > 1.0_wp) then
         part = part*min(max(error**(-0.25_wp), shortest), longest)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import h5py
+import no_folds
 import numpy as np
 import pytest
 from jobs import Job, attrito, run, table, write_job
@@ -219,3 +220,14 @@ def test_a_branch_is_not_said_to_close_where_its_resonance_passes_near_the_small
     with h5py.File(tmp_path / "result.h5") as file:
         assert file["points/branch"][-1] == 0
         assert np.all(np.diff(file["points/frequency_hz"][:]) < 0.0)
+
+
+@pytest.mark.parametrize("scene", [91, 373, 490])
+def test_a_sweep_goes_on_over_the_corner_at_which_a_contact_begins_to_slip(tmp_path, scene):
+    # A harmonic meets a natural frequency: the corner is sharper than a right angle. Theory has one branch, no fold.
+    job = no_folds.make(26, scene, 1)
+    del job["stability"]
+    found = no_folds.look(job, str(tmp_path))
+    assert found["branches"] == 1
+    assert found["folds"] == 0
+    assert found["others"] == []
