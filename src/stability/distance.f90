@@ -2,8 +2,9 @@
 !>
 !> $$ \max_t |p(t) - \hat p(t)| \, / \, \max_t |\hat p(t) - \hat p_0| $$
 !>
-!> with p the motion of the modes, normalised by mass, and \hat p_0 the balance's mean. Where the period starts they may agree though
-!> they part where contacts hit.
+!> with p the motion of the modes, normalised by mass, up to the balance's highest harmonic, and \hat p_0 the balance's mean. What
+!> moves beyond that harmonic is not of another orbit: the balance leaves it out. Where the period starts they may agree though they
+!> part where contacts hit.
 module attrito_stability_distance
   use attrito_core_kinds, only: wp, two_pi
   use attrito_solve_solver, only: solver_type
@@ -27,29 +28,45 @@ contains
     !> Number of instants
     integer, intent(in) :: count
     real(wp), allocatable :: trajectory(:, :)
-    real(wp), allocatable :: harmonics(:, :), basis(:, :)
-    integer :: i, h
+    real(wp), allocatable :: harmonics(:, :)
 
     harmonics = matmul(coordinates_of(solver), system%weighted)
-    allocate (basis(size(harmonics, 1), 0:count - 1))
-    basis(1, :) = 1.0_wp
-    do i = 0, count - 1
-      basis(2::2, i) = [(cos(two_pi*modulo(h*i, count)/count), h=1, size(harmonics, 1)/2)]
-      basis(3::2, i) = [(sin(two_pi*modulo(h*i, count)/count), h=1, size(harmonics, 1)/2)]
-    end do
     allocate (trajectory(size(harmonics, 2), 0:count - 1))
-    trajectory = matmul(transpose(harmonics), basis)
+    trajectory = matmul(transpose(harmonics), basis_at(size(harmonics, 1), count))
   end function trajectory_of_balance
 
   !> Of a motion from a balance's, at the same instants [m, instants], part of the latter's amplitude.
-  pure real(wp) function distance_between(motion, balance) result(distance)
+  pure real(wp) function distance_between(motion, balance, harmonics) result(distance)
     !> Motion at the instants; motion of the balance at the instants
     real(wp), intent(in) :: motion(:, :), balance(:, :)
-    real(wp) :: mean(size(balance, 1)), amplitude
+    !> The balance's highest harmonic
+    integer, intent(in) :: harmonics
+    real(wp) :: mean(size(balance, 1)), apart(size(balance, 1), size(balance, 2)), amplitude
+    real(wp) :: basis(2*harmonics + 1, size(balance, 2))
     integer :: i
 
     mean = sum(balance, 2)/size(balance, 2)
     amplitude = maxval([(norm2(balance(:, i) - mean), i=1, size(balance, 2))])
-    distance = maxval([(norm2(motion(:, i) - balance(:, i)), i=1, size(balance, 2))])/max(amplitude, tiny(1.0_wp))
+    apart = motion - balance
+    if (2*harmonics + 1 < size(balance, 2)) then
+      basis = basis_at(2*harmonics + 1, size(balance, 2))
+      basis(2:, :) = sqrt(2.0_wp)*basis(2:, :)
+      apart = matmul(matmul(apart, transpose(basis)), basis)/size(balance, 2)
+    end if
+    distance = maxval([(norm2(apart(:, i)), i=1, size(balance, 2))])/max(amplitude, tiny(1.0_wp))
   end function distance_between
+
+  !> 1, cosines and sines at equal instants of a period [coefficients, count].
+  pure function basis_at(coefficients, count) result(basis)
+    !> 2 H + 1; number of instants
+    integer, intent(in) :: coefficients, count
+    real(wp) :: basis(coefficients, 0:count - 1)
+    integer :: i, h
+
+    basis(1, :) = 1.0_wp
+    do i = 0, count - 1
+      basis(2::2, i) = [(cos(two_pi*modulo(h*i, count)/count), h=1, coefficients/2)]
+      basis(3::2, i) = [(sin(two_pi*modulo(h*i, count)/count), h=1, coefficients/2)]
+    end do
+  end function basis_at
 end module attrito_stability_distance

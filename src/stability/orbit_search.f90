@@ -25,7 +25,8 @@ module attrito_stability_orbit_search
     type(system_type) :: system, holding
     type(loading_type) :: loading
     type(balance_motion_type) :: balance
-    !> The balance's motion [m, instants]
+    !> The balance's highest harmonic, and its motion [m, instants]
+    integer :: harmonics = 0
     real(wp), allocatable :: trajectory(:, :)
     !> How far an orbit of motion in time may lie from the balance's, part of its amplitude
     real(wp) :: limit = 0.0_wp
@@ -57,6 +58,7 @@ contains
     self%holding%law = held(system%law, balance%holds)
     self%loading = loading_of(solver, system)
     self%balance = balance
+    self%harmonics = size(solver%context%balance%response, 2) - 1
     self%trajectory = trajectory_of_balance(solver, system, instants)
     self%start = start_of(solver, system, balance%slider)
   end function new_search
@@ -126,7 +128,7 @@ contains
       if (.not. found) return
       end = state
       call next%march(self%system, self%loading, end, range, found, trajectory)
-      if (found) distance_of_next = distance_between(trajectory, self%trajectory)
+      if (found) distance_of_next = distance_between(trajectory, self%trajectory, self%harmonics)
     end subroutine shoot_from
   end subroutine find_in_time
 end module attrito_stability_orbit_search

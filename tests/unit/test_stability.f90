@@ -168,7 +168,7 @@ contains
     call check_close(error, log(distance(40)/distance(20))/20, log(largest_multiplier(multipliers)), log(10.0_wp)/20, 'rate later')
   end subroutine follow_perturbed
 
-  !> They differ at one instant, by 0.6 of 3.
+  !> They differ at one instant, by 0.6 of 3; or in harmonics that a balance has or has not.
   subroutine distances(error)
     type(error_type), allocatable, intent(out) :: error
     integer, parameter :: count = 16
@@ -179,8 +179,12 @@ contains
     balance(2, :) = 1.0_wp
     motion = balance
     motion(:, 5) = motion(:, 5) + [0.36_wp, -0.48_wp]
-    call check_close(error, distance_between(motion, balance), 0.2_wp, 1.0e-14_wp, 'distance')
-    call check_close(error, distance_between(balance, balance), 0.0_wp, 0.0_wp, 'distance from itself')
+    call check_close(error, distance_between(motion, balance, count/2), 0.2_wp, 1.0e-14_wp, 'distance')
+    call check_close(error, distance_between(balance, balance, 3), 0.0_wp, 0.0_wp, 'distance from itself')
+    ! Up to a balance of three harmonics the fifth does not count, and the second does.
+    motion(1, :) = balance(1, :) + [(0.7_wp*sin(5*two_pi*(i - 1)/count), i=1, count)]
+    motion(2, :) = balance(2, :) + [(0.6_wp*cos(2*two_pi*(i - 1)/count), i=1, count)]
+    call check_close(error, distance_between(motion, balance, 3), 0.2_wp, 1.0e-14_wp, 'distance of the second harmonic')
   end subroutine distances
 
   subroutine approach(error)
@@ -207,7 +211,7 @@ contains
       call check(error, found, 'no orbit is found')
       if (allocated(error)) return
       call orbit%march(system, loading, start, range, found, motion)
-      apart(i) = distance_between(motion, balance)
+      apart(i) = distance_between(motion, balance, count/2)
       at_start = norm2(motion(:, 1) - balance(:, 1))/norm2(maxval(balance, 2) - minval(balance, 2))
       call check(error, apart(i) > at_start, 'it is nearer than where the period starts')
       call solver%destroy()
