@@ -13,9 +13,15 @@ module attrito_core_anderson
   private
   public :: anderson_type
 
+  !> Bytes of changes that a rank keeps, and the fewest changes that it keeps however long they are: the oldest give way
+  real(wp), parameter :: most_bytes = 1.6e8_wp ! conventional
+  integer, parameter :: fewest = 8 ! guess
+
   type :: anderson_type
     !> Changes of residuals and of answers from one x to the next, this rank's part [size of either, answers - 1]
     real(wp), allocatable, private :: residuals(:, :), answers(:, :)
+    !> How many of them are kept at most
+    integer, private :: most = 0
     !> The last of both
     real(wp), allocatable, private :: residual(:), answer(:)
   contains
@@ -37,13 +43,14 @@ contains
     !> Part of a square of changes of residuals that is added to it, so that changes which are all alike have an answer
     real(wp), parameter :: rounding = 1.0e-12_wp ! derived
     real(wp), allocatable :: products(:, :), right(:, :)
-    integer :: i, n, status
+    integer :: i, n, first, status
 
     next = answer
     if (allocated(self%residual)) then
-      n = size(self%residuals, 2) + 1
-      self%residuals = reshape([self%residuals, residual - self%residual], [size(residual), n])
-      self%answers = reshape([self%answers, answer - self%answer], [size(answer), n])
+      n = min(size(self%residuals, 2) + 1, self%most)
+      first = size(self%residuals, 2) + 2 - n
+      self%residuals = reshape([self%residuals(:, first:), residual - self%residual], [size(residual), n])
+      self%answers = reshape([self%answers(:, first:), answer - self%answer], [size(answer), n])
       products = matmul(transpose(self%residuals), self%residuals)
       right = matmul(transpose(self%residuals), reshape(residual, [size(residual), 1]))
       call ranks%sum(products)
@@ -55,6 +62,7 @@ contains
       if (status == 0) next = answer - matmul(self%answers, right(:, 1))
     else
       allocate (self%residuals(size(residual), 0), self%answers(size(answer), 0))
+      self%most = max(fewest, int(most_bytes/(8*ranks%largest(real(size(residual) + size(answer) + 1, wp)))))
     end if
     self%residual = residual
     self%answer = answer
