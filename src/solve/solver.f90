@@ -43,8 +43,6 @@ module attrito_solve_solver
     logical :: reset_slider = .false.
     !> Freeze the mean at the static solution
     logical :: uncoupled = .false.
-    !> Contacts by events rather than by samples
-    logical :: by_events = .false.
   end type solver_options_type
 
   type :: solver_type
@@ -116,8 +114,7 @@ contains
     if (allocated(error)) return
     call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
     allocate (self%context)
-    call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
-    self%context%balance%quadrature%by_events = options%by_events
+    call new_balance(structure, contacts, receptance, ranks, self%context%balance)
     if (any(contacts%law%tangents == 2)) self%context%balance%quadrature%discs = new_disc_rules(options%harmonics)
     self%context%tolerance = options%tolerance
     call new_newton(self%context, self%newton)
@@ -382,7 +379,7 @@ contains
     if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
     self%options%harmonics = harmonics
     self%options%samples = samples
-    call set_resolution(self%context%balance, self%structure, harmonics, samples)
+    call set_resolution(self%context%balance, self%structure, harmonics)
     self%motion = resized(self%motion, 2*harmonics + 1)
     associate (constraint => self%context%constraint)
       if (allocated(constraint%motion)) constraint%motion = resized(constraint%motion, 2*harmonics + 1)

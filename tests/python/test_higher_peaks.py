@@ -47,7 +47,7 @@ def two_masses(limit: float, rates: np.ndarray = RATES, forces: np.ndarray = FOR
 
 def look(scene: ReducedScene, near_hz: float, level: float = 1.0, *, slips: bool = False) -> tuple[Peak, Higher]:
     """The peak near a frequency, and what stands beside it; where nothing slips sweeps take no work."""
-    options = Options(harmonics=3, by_events=True)
+    options = Options(harmonics=3)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         solver.follow_static_path(PATH, 1, BAND[0])
         tracker = PeakTracker(solver, 0, "half_range", BAND, PATH[-1])
@@ -148,7 +148,7 @@ def follow_two_masses(rates: np.ndarray, look: bool, *, chosen: bool = False) ->
     keys |= {"near_hz": float(rates[0] / (2.0 * np.pi)), "optimum": False, "max_points": 10}
     sweep = {"frequencies_hz": None, "start_hz": BAND[0], "stop_hz": BAND[1]}
     job = {"peak": keys, "sweep": sweep, "static": {"steps": 1}}
-    options = Options(harmonics=3, by_events=True)
+    options = Options(harmonics=3)
     with (
         Solver(MPI.COMM_SELF, scene, options) as solver,
         HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND, chosen) as looking,
@@ -187,7 +187,7 @@ class Samples(SamplePeaks):
 
     def scene_of(self, job: dict) -> tuple[ReducedScene, np.ndarray, Options]:
         """See `Samples.scene_of`."""
-        return two_masses(job["limit"], forces=job.get("forces", FORCES)), PATH, Options(harmonics=3, by_events=True)
+        return two_masses(job["limit"], forces=job.get("forces", FORCES)), PATH, Options(harmonics=3)
 
 
 def job_of_samples() -> dict:
@@ -220,7 +220,7 @@ def test_the_band_is_swept_again_unless_a_sample_nearly_the_same_had_a_peak_that
 def test_a_sweep_ends_beside_a_resonance_that_its_monitor_does_not_show(end):
     """The motion turns there, so that the drawn frequency goes beyond the end: the step was tried again for ever."""
     scene = replace(two_masses(limit=1e6), monitors=np.array([[1.0, 0.0]]))
-    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3)) as solver:
         solver.follow_static_path(PATH, 1, BAND[0])
         *_, last = solver.sweep(BAND[0], end / (2.0 * np.pi), 1.0, 0, 200)
     assert last.reached_stop and last.frequency_hz == pytest.approx(end / (2.0 * np.pi), rel=1e-12)

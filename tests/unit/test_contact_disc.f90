@@ -6,7 +6,7 @@ program test_contact_disc
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_friction_disc, only: slide_on_disc, differentiate_slide_on_disc
   use attrito_contact_forces, only: contact_forces_type
-  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
+  use attrito_testing_sampled_contact, only: evaluate_contact_by_samples
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_slipping
   use scenes, only: noise

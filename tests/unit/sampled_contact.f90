@@ -6,7 +6,7 @@
 !>
 !> so that a stuck contact has a constant g and no Jacobian. Residual and exact Jacobian come from one march.
 !> Source: Cameron & Griffin 1989, doi:10.1115/1.3176036; Zucca & Firrone 2014, eqs. (4)-(8), doi:10.1016/j.jsv.2013.09.032.
-module attrito_contact_quadrature_sampled
+module attrito_testing_sampled_contact
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck, hold_slider, released
@@ -425,4 +425,4 @@ contains
     call fourier%analyse_gradients(gradients, analysed)
     jacobian = jacobian + analysed(:, :, 1)
   end subroutine add_open_springs
-end module attrito_contact_quadrature_sampled
+end module attrito_testing_sampled_contact
