@@ -19,7 +19,7 @@ module attrito_accuracy_error_control
   use attrito_accuracy_finer_solution, only: solve_finer
   use attrito_accuracy_kept_point, only: kept_point_type
   use attrito_accuracy_point_errors, only: point_errors_type
-  use attrito_accuracy_series_comparison, only: patience, series_comparison_type
+  use attrito_accuracy_series_comparison, only: caution, patience, series_comparison_type
   use attrito_accuracy_series_length, only: series_length_type, next_longer, most_harmonics, most_growth, long_series
   use attrito_continuation_range, only: range_type
   use attrito_continuation_sweep, only: sweep_type
@@ -34,8 +34,8 @@ module attrito_accuracy_error_control
   !> Part of a series that had to be lengthened until its estimate was sure that the next point begins with at least
   real(wp), parameter :: shrinking = 0.8_wp ! guess
   integer, parameter :: most_refinements = 8 ! conventional
-  !> Operations that a point may take on longer series, some 15 s: of a large joint that hardly settles a point with an unknown error
-  !> is worth more than none
+  !> Operations that a branch may take in vain on longer series, some 15 s, before its points have earned more: of a large joint that
+  !> hardly settles a point with an unknown error is worth more than none
   real(wp), parameter :: most_work = 5.0e10_wp ! guess
 
   type :: error_control_type
@@ -48,8 +48,8 @@ module attrito_accuracy_error_control
     integer, private :: first(2) = 0, next_harmonics = 0, next_samples = 0
     !> Points of a branch in a row that ask for so little; the most harmonics and samples that these ask for
     integer, private :: asked = 0, most_asked(2) = 0
-    !> Points of the branch for which no longer series is tried, as one has cost too much
-    integer, private :: given_up = 0
+    !> Operations that longer series may still take in vain: as many as the points themselves have taken, and some more
+    real(wp), private :: spare = most_work
     type(series_comparison_type), private :: comparison
   contains
     procedure :: estimate
@@ -89,7 +89,7 @@ contains
     call store%keep(self%asked)
     call store%keep(self%most_asked(1))
     call store%keep(self%most_asked(2))
-    call store%keep(self%given_up)
+    call store%keep(self%spare)
     call self%comparison%keep(store)
   end subroutine keep
 
@@ -100,13 +100,15 @@ contains
     type(sweep_type), intent(inout) :: sweep
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
+    real(wp) :: begun
     integer :: resolution(2), branch
 
+    begun = work_of(solver)
     resolution = [solver%options%harmonics, solver%options%samples]
     branch = merge(sweep%branch, -1, sweep%points > 0)
     call sweep%advance(solver)
     if (sweep%branch /= branch) call begin_branch(self)
-    call refine(self, solver, sweep%range)
+    call refine(self, solver, sweep%range, begun)
     call coarsen(self, solver)
     call sweep%set_harmonics(solver%options%harmonics)
     if (any(resolution /= [solver%options%harmonics, solver%options%samples])) call sweep%look_here(solver)
@@ -117,7 +119,7 @@ contains
     type(error_control_type), intent(inout) :: self
 
     call self%comparison%forget()
-    self%given_up = 0
+    self%spare = most_work
     self%asked = 0
     self%most_asked = 0
   end subroutine begin_branch
@@ -164,11 +166,11 @@ contains
     call solve_finer(solver, point, wanted(1), wanted(2), .true., iterations, accepted_too)
     if (accepted_too) then
       call self%estimate(solver, .true., point)
-      if (may_suffice(self)) then
+      if (may_suffice(self, self%errors)) then
         shown = relative_change(own_monitors(solver), monitors) + here%errors%harmonics
         if (shown <= harmonics_share*self%series%tolerance) call trust(self, solver, shown)
       end if
-      accepted_too = self%errors%are_known() .and. self%series%accepts(self%errors) .and. self%estimator%is_sure
+      accepted_too = is_accepted(self)
     end if
     if (.not. accepted_too) call here%go_back(solver, self%errors)
     solver%report%iterations = iterations
@@ -190,14 +192,16 @@ contains
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    real(wp) :: begun
 
+    begun = work_of(solver)
     call begin_point(self, solver, omega)
     if (self%series%choose_harmonics) then
       call solve_on_some_series(self, solver, omega)
     else
       call solve_by_strategies(solver, omega)
     end if
-    call refine(self, solver, range_type(omega, omega))
+    call refine(self, solver, range_type(omega, omega), begun)
   end subroutine solve_at
 
   !> A series may have no solution, and every strategy is dear on a long one: there those of little cost are tried. Then all are on a
@@ -255,92 +259,127 @@ contains
     end if
   end subroutine begin_point
 
-  !> Estimate the errors of the point, and solve it again on a finer series or more samples until they are accepted, or as fine as it
-  !> gets. A point that the finer balance does not reach, or only out of the range, stays: with its estimate if that is sure, without
-  !> if not.
-  subroutine refine(self, solver, range)
+  !> Estimate the errors of the point, and solve it again on longer series until they are accepted, or as long as it gets. A series
+  !> that differs from a shorter one by what that errs by for sure, and yet may err by more, is passed over: the next longer begins at
+  !> the shorter again. A point that no longer series reaches, or only out of the range, stays: with its estimate if that is sure,
+  !> without if not.
+  subroutine refine(self, solver, range, begun)
     type(error_control_type), intent(inout) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Of frequencies
     type(range_type), intent(in) :: range
-    type(finer_point_type) :: finer
-    type(kept_point_type) :: before
-    real(wp), allocatable :: shorter(:, :)
-    real(wp) :: left_open, change, shown
-    integer :: attempt, harmonics, samples, iterations, unsettled
-    logical :: better, was_sure, can_leap
+    !> Operations before the point was solved
+    real(wp), intent(in) :: begun
+    type(finer_point_type) :: finer, of_shorter
+    type(kept_point_type) :: shorter
+    real(wp), allocatable :: monitors(:, :)
+    real(wp) :: solved, change
+    integer :: attempt, harmonics, tried, iterations
+    logical :: better, was_sure, can_leap, is_worse
 
-    left_open = 0.0_wp
     was_sure = .true.
     can_leap = .true.
-    unsettled = 0
     iterations = solver%report%iterations
-    solver%context%most_work = work_of(solver) + most_work
+    tried = solver%options%harmonics
     self%next_harmonics = 0
+    solved = work_of(solver)
+    solver%context%most_work = solved + min(max(self%spare, 0.0_wp), most_work + (solved - begun))
+    call self%estimate(solver, solver%report%converged, finer)
+    if (solver%report%converged .and. self%series%choose_harmonics) call rely_on_comparison(self, solver)
     do attempt = 0, most_refinements
-      call self%estimate(solver, solver%report%converged, finer)
-      if (.not. (solver%report%converged .and. self%errors%are_known())) exit
-      if (.not. self%series%choose_harmonics) exit
-      if (attempt == 0) call rely_on_comparison(self, solver)
-      if (allocated(shorter)) then
-        change = relative_change(shorter, own_monitors(solver))
-        if (.not. self%estimator%is_sure) call compare(self, solver, change, unsettled)
-        shown = change + self%errors%harmonics
-        if (left_open > 0.0_wp .and. self%estimator%is_sure .and. shown <= harmonics_share*self%series%tolerance) then
-          call before%go_back(solver, self%errors)
-          self%estimator%at_most = left_open
-          call trust(self, solver, shown)
-          self%next_harmonics = solver%options%harmonics
-          self%next_samples = solver%options%samples
-          exit
-        end if
-      end if
+      if (.not. (solver%report%converged .and. self%errors%are_known() .and. self%series%choose_harmonics)) exit
       harmonics = self%series%needed_harmonics(solver, self%errors, finer)
-      samples = samples_for(solver, harmonics)
       ! A series on which estimates are not sure would be solved in vain.
       self%next_harmonics = max(harmonics, merge(0, nint(shrinking*solver%options%harmonics), was_sure))
-      self%next_samples = samples
-      if ((self%series%accepts(self%errors) .and. self%estimator%is_sure) .or. attempt == most_refinements) exit
-      harmonics = max(harmonics, solver%options%harmonics)
-      unsettled = 0
-      if (self%series%choose_harmonics .and. .not. self%estimator%is_sure) then
-        was_sure = was_sure .and. self%estimator%is_stiff
-        unsettled = min(self%estimator%unsettled, most_harmonics)
-        ! Where the error is large the estimate does not know what is missing.
-        if (self%series%accepts(self%errors)) harmonics = max(harmonics, unsettled)
-        harmonics = min(harmonics, most_growth*solver%options%harmonics)
-        harmonics = max(harmonics, next_longer(solver%options%harmonics))
-        harmonics = min(harmonics, most_harmonics)
-      end if
-      samples = samples_for(solver, harmonics)
-      left_open = merge(self%estimator%at_most, 0.0_wp, may_suffice(self))
-      if (harmonics == solver%options%harmonics .and. samples == solver%options%samples) exit
-      if (attempt == 0 .and. self%given_up > 0) then
-        self%given_up = self%given_up - 1
-        exit
-      end if
-      shorter = own_monitors(solver)
-      call before%take(solver, self%errors)
-      call leap_or_step(self, solver, finer, harmonics, samples, can_leap, iterations, better)
-      if (better .and. .not. range%has(solver%omega)) then
-        call before%go_back(solver, self%errors)
+      self%next_samples = samples_for(solver, harmonics)
+      if (is_accepted(self) .or. attempt == most_refinements .or. self%spare < solved - begun) exit
+      was_sure = was_sure .and. (self%errors%is_sure .or. self%errors%is_stiff)
+      harmonics = longer_than(self, solver, harmonics, tried)
+      if (harmonics <= tried) exit
+      monitors = own_monitors(solver)
+      of_shorter = finer
+      call shorter%take(solver, self%errors)
+      call leap_or_step(self, solver, finer, harmonics, samples_for(solver, harmonics), can_leap, iterations, better)
+      if (better .and. (.not. range%has(solver%omega) .or. solver%options%harmonics <= tried)) then
+        call shorter%go_back(solver, self%errors)
         better = .false.
       end if
       if (.not. better) then
-        if (work_of(solver) > solver%context%most_work) self%given_up = patience
         ! The next point had better begin with a series that has a solution.
         self%next_harmonics = solver%options%harmonics
         self%next_samples = solver%options%samples
         exit
       end if
+      call self%estimate(solver, .true., finer)
+      tried = solver%options%harmonics
+      is_worse = .not. self%errors%are_known()
+      if (.not. is_worse) then
+        change = relative_change(monitors, own_monitors(solver))
+        if (.not. self%errors%is_sure) call compare(self, solver, change, shorter%errors)
+        if (shows_enough(self, shorter%errors, change)) then
+          self%next_harmonics = solver%options%harmonics
+          self%next_samples = solver%options%samples
+          change = change + self%errors%harmonics
+          call shorter%go_back(solver, self%errors)
+          call trust(self, solver, change)
+          exit
+        end if
+        is_worse = shorter%errors%is_sure .and. .not. self%errors%is_sure .and. &
+                   self%errors%harmonics > shorter%errors%harmonics .and. change <= caution*shorter%errors%harmonics
+      end if
+      if (is_worse) then
+        call shorter%go_back(solver, self%errors)
+        finer = of_shorter
+      end if
     end do
+    if (.not. is_accepted(self)) self%spare = self%spare - (work_of(solver) - solved)
+    self%spare = self%spare + (solved - begun)
     solver%context%most_work = huge(1.0_wp)
-    if (self%series%choose_harmonics .and. solver%report%converged .and. .not. self%estimator%is_sure) then
+    if (self%series%choose_harmonics .and. solver%report%converged .and. .not. self%errors%is_sure) then
       self%errors%harmonics = ieee_value(self%errors%harmonics, ieee_quiet_nan)
     end if
     solver%report%iterations = iterations
   end subroutine refine
+
+  !> Is the present point's error known, and small enough?
+  pure logical function is_accepted(self)
+    type(error_control_type), intent(in) :: self
+
+    is_accepted = self%errors%are_known() .and. self%series%accepts(self%errors) .and. self%errors%is_sure
+  end function is_accepted
+
+  !> The length of the series to solve the present point again on.
+  integer function longer_than(self, solver, needed, tried) result(harmonics)
+    type(error_control_type), intent(in) :: self
+    !> Solver of points, at the present one
+    type(solver_type), intent(in) :: solver
+    !> Harmonics that its estimate asks for, and the most that were tried
+    integer, intent(in) :: needed, tried
+
+    associate (now => solver%options%harmonics)
+      harmonics = max(needed, now)
+      if (.not. self%errors%is_sure) then
+        ! Where the error is large the estimate does not know what is missing.
+        if (self%series%accepts(self%errors)) harmonics = max(harmonics, self%errors%unsettled)
+        harmonics = max(min(harmonics, most_growth*now), next_longer(now))
+      end if
+      if (tried > now) harmonics = max(harmonics, next_longer(tried))
+      harmonics = min(harmonics, most_harmonics)
+    end associate
+  end function longer_than
+
+  !> Does the present point, on a longer series, show that the shorter one was long enough?
+  pure logical function shows_enough(self, shorter, change)
+    type(error_control_type), intent(in) :: self
+    !> What the estimate on the shorter series left open
+    type(point_errors_type), intent(in) :: shorter
+    !> Relative change of the monitors from the shorter series
+    real(wp), intent(in) :: change
+
+    shows_enough = self%errors%is_sure .and. may_suffice(self, shorter) .and. shorter%at_most > 0.0_wp .and. &
+                   change + self%errors%harmonics <= harmonics_share*self%series%tolerance
+  end function shows_enough
 
   !> Operations so far, of all ranks.
   real(wp) function work_of(solver) result(work)
@@ -400,17 +439,17 @@ contains
 
   !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted. It says nothing
   !> of a harmonic that both lack.
-  subroutine compare(self, solver, change, unsettled)
+  subroutine compare(self, solver, change, shorter)
     type(error_control_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Relative change of the monitors from the shorter series
     real(wp), intent(in) :: change
-    !> Harmonics that had not settled on that series, up to this one
-    integer, intent(in) :: unsettled
+    !> What the estimate on that series left open
+    type(point_errors_type), intent(in) :: shorter
 
-    self%errors%harmonics = max(self%estimator%known_part, change)
-    self%estimator%is_sure = self%series%accepts(self%errors) .and. solver%options%harmonics >= unsettled
+    self%errors%harmonics = max(self%errors%known_part, change)
+    self%errors%is_sure = self%series%accepts(self%errors) .and. solver%options%harmonics >= min(shorter%unsettled, most_harmonics)
   end subroutine compare
 
   !> A longer series has shown what the point on this one errs by: it counts, and for the points that follow.
@@ -422,8 +461,8 @@ contains
     real(wp), intent(in) :: shown
 
     self%errors%harmonics = shown
-    self%estimator%is_sure = .true.
-    call self%comparison%take([solver%options%harmonics, solver%options%samples], shown, self%estimator%at_most)
+    self%errors%is_sure = .true.
+    call self%comparison%take([solver%options%harmonics, solver%options%samples], shown, self%errors%at_most)
   end subroutine trust
 
   !> Along a branch an estimate that does not suffice counts by what the last comparison of two series found.
@@ -434,24 +473,22 @@ contains
     real(wp) :: error
     logical :: is_known
 
-    if (.not. may_suffice(self)) return
-    call self%comparison%bound([solver%options%harmonics, solver%options%samples], self%estimator%at_most, error, is_known)
-    error = max(self%estimator%missing, error)
+    if (.not. may_suffice(self, self%errors)) return
+    call self%comparison%bound([solver%options%harmonics, solver%options%samples], self%errors%at_most, error, is_known)
     if (.not. is_known .or. error > harmonics_share*self%series%tolerance) return
     self%errors%harmonics = error
-    self%estimator%is_sure = .true.
+    self%errors%is_sure = .true.
   end subroutine rely_on_comparison
 
   !> May a comparison with a longer series show that this one is long enough, if the estimate does not?
-  pure logical function may_suffice(self)
+  pure logical function may_suffice(self, errors)
     type(error_control_type), intent(in) :: self
+    !> As estimated on this series
+    type(point_errors_type), intent(in) :: errors
 
     may_suffice = .false.
-    if (.not. self%errors%are_known()) return
-    associate (share => harmonics_share*self%series%tolerance)
-      may_suffice = self%series%choose_harmonics .and. .not. self%estimator%is_stiff .and. self%estimator%missing <= share .and. &
-                    .not. (self%estimator%is_sure .and. self%errors%harmonics <= share)
-    end associate
+    if (.not. errors%are_known() .or. errors%is_stiff) return
+    may_suffice = .not. (errors%is_sure .and. self%series%accepts(errors))
   end function may_suffice
 
   !> Give the transforms back.

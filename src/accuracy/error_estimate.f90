@@ -4,7 +4,7 @@
 !>
 !> The estimate is checked by a second step (`attrito_accuracy_second_step`). It is sure if that agrees with the first and all
 !> harmonics beyond have settled; or if the error, the difference of both steps and what further answers would add are together no
-!> more than harmonics may take.
+!> more than harmonics may take at worst.
 module attrito_accuracy_error_estimate
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
@@ -19,8 +19,8 @@ module attrito_accuracy_error_estimate
   private
   public :: error_estimate_type, harmonics_share, own_monitors, short_series
 
-  !> Part of the tolerance that harmonics may take
-  real(wp), parameter :: harmonics_share = 0.5_wp ! conventional
+  !> Part of the tolerance that harmonics may take by their estimate, and that they may take at worst: modes have the rest
+  real(wp), parameter :: harmonics_share = 0.5_wp, worst_share = 0.75_wp ! conventional
   !> The two steps of an estimate agree if they differ by no more than this part of it, or of what harmonics may take of the tolerance
   real(wp), parameter :: agreement = 0.5_wp, negligible = 0.2_wp ! guess
   !> Contacts so many times stiffer than the structure is at them may bounce at any frequency, and their steps linearised on a short
@@ -33,21 +33,12 @@ module attrito_accuracy_error_estimate
   integer, parameter :: least_longer = 15 ! guess
   !> Part of the tolerance that a harmonic of which only a bound is known may take, and what answers that were not asked for may
   real(wp), parameter :: unknown_share = 0.1_wp, unsettled_share = 0.25_wp ! guess
-  !> Answers of harmonics that have not settled after the second
-  integer, parameter :: most_answers = 8 ! guess
+  !> Answers of harmonics that have not settled after the second. Modes that meet harmonics beyond take some twenty to settle
+  integer, parameter :: most_answers = 40 ! guess
   !> The tolerance that estimates are made for where none is given
   real(wp), parameter :: nominal_tolerance = 0.01_wp ! conventional
 
   type :: error_estimate_type
-    !> Is the last estimate sure? Is it not for the stiffness of contacts alone?
-    logical :: is_sure = .true., is_stiff = .false.
-    !> Harmonics that have not settled, up to this one
-    integer :: unsettled = 0
-    !> The error, if it came to all that the two steps leave open; and what further answers of harmonics beyond would add
-    real(wp) :: at_most = 0.0_wp, missing = 0.0_wp
-    !> What of the error counts if the estimate is not sure: if the steps do not agree, forces are not linear so far, and nothing is
-    !> known but what is missing beyond
-    real(wp) :: known_part = 0.0_wp
     type(finer_balance_type), private :: longer
     type(resonances_type), private :: resonances
     !> Greatest ratio of a contact's stiffness to that of the structure at it; negative: not computed yet
@@ -79,15 +70,7 @@ contains
     logical :: agrees
     integer :: status
 
-    errors%harmonics = 0.0_wp
-    errors%samples = 0.0_wp
-    self%is_sure = .true.
-    self%is_stiff = .false.
-    self%unsettled = 0
-    self%at_most = 0.0_wp
-    self%missing = 0.0_wp
-    self%known_part = 0.0_wp
-    if (allocated(errors%work)) deallocate (errors%work)
+    errors = point_errors_type(modes=errors%modes)
     if (.not. solved) return
     associate (balance => solver%context%balance)
       allocate (errors%work(size(balance%law)), source=0.0_wp)
@@ -98,28 +81,28 @@ contains
       if (status == 0) then
         own = own_monitors(solver)
         error = relative_change(own, finer%monitors)
-        self%unsettled = second%unsettled
-        self%is_sure = .false.
+        errors%unsettled = second%unsettled
+        errors%is_sure = .false.
         agrees = .false.
         if (allocated(second%monitors)) then
           difference = relative_change(finer%monitors, second%monitors)
           error = max(error, relative_change(own, second%monitors))
           asked = min(tolerance, nominal_tolerance)
-          self%at_most = error + difference + second%missing
+          errors%at_most = error + difference + second%missing
           agrees = difference <= max(agreement*error, negligible*harmonics_share*asked)
-          self%is_sure = (second%unsettled == 0 .and. agrees) .or. self%at_most <= harmonics_share*asked
+          errors%is_sure = (second%unsettled == 0 .and. agrees) .or. errors%at_most <= worst_share*asked
         end if
       end if
       if (.not. solver%all_stick) then
         if (self%stiffness_ratio < 0.0_wp) self%stiffness_ratio = greatest_stiffness_ratio(solver)
-        self%is_stiff = self%is_sure .and. self%stiffness_ratio > max(stiff, real(balance%receptance%harmonics, wp)**2)
-        self%is_sure = self%is_sure .and. .not. self%is_stiff
+        errors%is_stiff = errors%is_sure .and. self%stiffness_ratio > max(stiff, real(balance%receptance%harmonics, wp)**2)
+        errors%is_sure = errors%is_sure .and. .not. errors%is_stiff
       end if
       errors%harmonics = error
       if (status == 0) then
         errors%harmonics = max(errors%harmonics, second%missing)
-        self%missing = second%missing
-        self%known_part = merge(errors%harmonics, second%missing, agrees)
+        errors%missing = second%missing
+        errors%known_part = merge(errors%harmonics, second%missing, agrees)
       end if
     end associate
   end subroutine estimate

@@ -12,6 +12,15 @@ module attrito_accuracy_point_errors
   !> Relative errors of the amplitude; by harmonics and samples NaN where the linearised step that estimates them is singular
   type :: point_errors_type
     real(wp) :: harmonics = 0.0_wp, samples = 0.0_wp, modes = 0.0_wp
+    !> Is the estimate sure? Is it not for the stiffness of contacts alone?
+    logical :: is_sure = .true., is_stiff = .false.
+    !> Harmonics that have not settled, up to this one
+    integer :: unsettled = 0
+    !> The error, if it came to all that the two steps leave open; and what further answers of harmonics beyond would add
+    real(wp) :: at_most = 0.0_wp, missing = 0.0_wp
+    !> What of the error counts if the estimate is not sure: if the steps do not agree, forces are not linear so far, and nothing is
+    !> known but what is missing beyond
+    real(wp) :: known_part = 0.0_wp
     !> What a finer balance changes of each of this rank's contacts' work a period; not allocated where none was asked for
     real(wp), allocatable :: work(:)
   contains

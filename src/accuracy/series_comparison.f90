@@ -8,7 +8,7 @@ module attrito_accuracy_series_comparison
   use attrito_core_state_store, only: state_store_type
   implicit none
   private
-  public :: patience, series_comparison_type
+  public :: caution, patience, series_comparison_type
 
   !> Points of a branch in a row that ask for fewer harmonics or samples before these fall, and that a comparison of two series
   !> holds for

@@ -121,8 +121,9 @@ void attrito_solve_at(void *handle, double omega, int branch, attrito_point *poi
  * found a point or not. 0, or 1: there is no strategy of that name. */
 int attrito_solve_by_strategy(void *handle, const char *strategy, double omega, attrito_point *point);
 
-/* Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point. */
-void attrito_monitors(void *handle, double *harmonics, double *amplitude);
+/* Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point; how these change along a sweep there, 0
+ * where that is not known. */
+void attrito_monitors(void *handle, double *harmonics, double *amplitude, double *rate);
 
 /* Which contacts the last static path has left closed: 1, or 0 [contacts]. */
 void attrito_closed_contacts(void *handle, int *closed);

@@ -357,17 +357,20 @@ contains
     point = point_of(session%point)
   end function attrito_solve_by_strategy
 
-  !> Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point.
-  subroutine attrito_monitors(handle, harmonics, amplitude) bind(c)
+  !> Coefficients of the monitors [monitors, 2 H + 1] and their amplitudes at the last point; how these change along a sweep there, 0
+  !> where that is not known.
+  subroutine attrito_monitors(handle, harmonics, amplitude, rate) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> Coefficients of the monitors; amplitudes of the monitors
-    real(c_double), intent(out) :: harmonics(*), amplitude(*)
+    !> Coefficients of the monitors; amplitudes of the monitors, and their change by the length along the branch
+    real(c_double), intent(out) :: harmonics(*), amplitude(*), rate(*)
     type(session_type), pointer :: session
 
     session => session_of(handle)
     harmonics(:size(session%point%harmonics)) = reshape(session%point%harmonics, [size(session%point%harmonics)])
     amplitude(:size(session%point%amplitude)) = session%point%amplitude
+    rate(:size(session%point%amplitude)) = 0.0_c_double
+    if (session%point%curve%is_known()) rate(:size(session%point%amplitude)) = session%point%curve%amplitude_rate
   end subroutine attrito_monitors
 
   !> Which contacts the last static path has left closed: 1, or 0 [contacts].

@@ -45,6 +45,7 @@ contains
     allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
     self%quadrature%order = order_of(contacts)
     call set_series(self, structure, self%receptance%harmonics)
+    if (any(contacts%law%tangents == 2)) self%quadrature%discs = new_disc_rules(self%receptance%harmonics)
     allocate (self%response(size(self%static_loads, 1), 0:self%receptance%harmonics))
     allocate (self%response_omega, mold=self%response)
     call take_contacts(self, contacts, first, last)

@@ -45,13 +45,15 @@ contains
     is_left = self%passes_stop(omega) .or. (omega - self%start)*(self%stop - self%start) < 0.0_wp
   end function is_left
 
-  !> Does an angular frequency lie within, ends included?
+  !> Does an angular frequency lie within, ends and their rounding included?
   pure logical function has(self, omega)
     class(range_type), intent(in) :: self
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
+    !> Of a frequency, as part of itself, that an equation gave back
+    real(wp), parameter :: rounding = 1.0e-12_wp ! derived
 
-    has = (omega - self%start)*(omega - self%stop) <= 0.0_wp
+    has = abs(omega - 0.5_wp*(self%start + self%stop)) <= 0.5_wp*abs(self%width()) + rounding*max(self%start, self%stop)
   end function has
 
   !> The angular frequency itself, or the end that it has left the range by.

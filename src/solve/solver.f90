@@ -5,7 +5,6 @@ module attrito_solve_solver
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_contact_disc_rules, only: new_disc_rules
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_newton_border, only: constraint_type
@@ -115,7 +114,6 @@ contains
     call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
     allocate (self%context)
     call new_balance(structure, contacts, receptance, ranks, self%context%balance)
-    if (any(contacts%law%tangents == 2)) self%context%balance%quadrature%discs = new_disc_rules(options%harmonics)
     self%context%tolerance = options%tolerance
     call new_newton(self%context, self%newton)
     if (self%context%petsc_error /= 0) then

@@ -144,6 +144,16 @@ def test_the_estimate_of_a_long_series_is_its_error_where_a_contact_is_far_stiff
         assert error < tolerance
 
 
+def test_the_first_point_of_a_sweep_is_solved_on_a_longer_series_whatever_its_frequency(tmp_path):
+    # A longer series moves the point in its plane, of one frequency here: by rounding, out of the band or into it.
+    for start in 132.0 + 0.137 * np.arange(12):
+        job = rubbing_wedge(tolerance=1e-3) | {"sweep": {"start_hz": float(start), "stop_hz": float(start) - 0.2}}
+        here(tmp_path, job)
+        with h5py.File(tmp_path / "result.h5") as file:
+            assert file["points/harmonics"][0] > 3
+            assert file["points/estimate"][0] < 1e-3
+
+
 def test_where_long_series_have_no_solution_points_are_solved_on_short_ones_and_say_so(tmp_path):
     job = wedge(force=60.0) | {"balance": {}, "sweep": {"frequencies_hz": [136.0, 132.0]}}
     job["contact"][0] |= {"tangential_stiffness": 3e9, "normal_stiffness": 3e9}

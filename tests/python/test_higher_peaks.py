@@ -13,6 +13,7 @@ import pytest
 from mpi4py import MPI
 
 from attrito.library.peak_tracker import Peak, PeakTracker
+from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.peaks.curve import Found
@@ -226,6 +227,53 @@ def test_a_sweep_ends_beside_a_resonance_that_its_monitor_does_not_show(end):
     assert last.reached_stop and last.frequency_hz == pytest.approx(end / (2.0 * np.pi), rel=1e-12)
     expected = FORCES[0] / abs(RATES[0] ** 2 - end**2 + 1j * DAMPING * end)
     assert last.amplitude[0] == pytest.approx(expected, rel=1e-9)
+
+
+# Heights and their changes at points from a followed peak on; the points that are higher ends of arcs with a maximum
+@pytest.mark.parametrize(
+    ("heights", "rates", "ends"),
+    [
+        ((1.0, 0.97, 0.96, 0.93), (0.0, -1.0, 1.0, -1.0), [2]),
+        ((1.0, 0.92, 0.93, 0.91), (0.0, -1.0, 1.0, -1.0), [2]),
+        ((1.0, 0.92, 0.93, 0.91), (0.0, -1.0, -1.0, -1.0), [2]),
+        ((1.0, 0.97, 0.96, 0.93), (0.0, -1.0, -1.0, -1.0), []),
+    ],
+)
+def test_an_arc_that_rises_where_it_begins_and_falls_where_it_ends_has_a_maximum(heights, rates, ends):
+    scene = two_masses(1e6)
+    point = points_of(scene, BAND[1])[0]
+    points = [
+        point._replace(frequency_hz=1.0 + i, amplitude=np.array([height]), amplitude_rate=np.array([rate]))
+        for i, (height, rate) in enumerate(zip(heights, rates, strict=True))
+    ]
+    options = Options(harmonics=3, by_events=True)
+    with (
+        Solver(MPI.COMM_SELF, scene, options) as solver,
+        HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND) as looking,
+    ):
+        swept = looking._sweep(solver, iter(points), 1.0, 9.0, heights[0], True)
+    assert [one.frequency_hz for one in swept.maxima] == [1.0 + i for i in ends]
+    # Each is higher than its arc's ends by a tenth at most: all of these may be the highest.
+    assert all(one.start is not None for one in swept.maxima)
+
+
+def test_points_of_a_sweep_tell_how_their_amplitude_changes():
+    """All contacts stuck: by differences of the closed form, but for the unit of length along the branch."""
+    scene = two_masses(1e6)
+    frequency, rate = np.array([(one.frequency_hz, one.amplitude_rate[0]) for one in points_of(scene, BAND[1])]).T
+    omega = 2.0 * np.pi * (frequency + 1e-6 * np.array([[-1.0], [1.0]]))[..., None]
+    amplitude = abs((FORCES / (RATES**2 - omega**2 + 1j * DAMPING * omega)).sum(axis=2))
+    change = amplitude[1] - amplitude[0]
+    clear = abs(change) > 1e-3 * abs(change).max()
+    assert np.any(rate[clear] > 0.0) and np.any(rate[clear] < 0.0)
+    assert np.array_equal(rate[clear] > 0.0, change[clear] > 0.0)
+
+
+def points_of(scene: ReducedScene, end_hz: float) -> list[Point]:
+    """Of a sweep from the beginning of the band."""
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3, by_events=True)) as solver:
+        solver.follow_static_path(PATH, 1, BAND[0])
+        return list(solver.sweep(BAND[0], end_hz, 1.0, 0, 200))
 
 
 def test_a_sample_is_the_highest_maximum_of_the_band_where_its_neighbours_is_another():

@@ -14,7 +14,8 @@ class Point(NamedTuple):
     """One point of a sweep.
 
     `states` counts contacts stuck, shaken down, slipping, open; `harmonics` are the coefficients of the monitors,
-    `[monitors, 2 H + 1]`, and `amplitude` half their ranges over the period, `[monitors]`, user length. `errors` are
+    `[monitors, 2 H + 1]`, and `amplitude` half their ranges over the period, `[monitors]`, user length;
+    `amplitude_rate`, its change by the length along the branch, is 0 where that is not known. `errors` are
     the parts of `estimate` in the order of `ERRORS`; `work` counts floating-point operations of the session up to here.
     `followed`: a point of a sweep, not of a list of frequencies.
     """
@@ -34,6 +35,7 @@ class Point(NamedTuple):
     states: tuple[int, int, int, int]
     harmonics: np.ndarray
     amplitude: np.ndarray
+    amplitude_rate: np.ndarray
     finished: bool
     reached_stop: bool
     followed: bool

@@ -401,17 +401,17 @@ class Solver:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _monitors(self, harmonic_count: int) -> tuple[np.ndarray, np.ndarray]:
+    def _monitors(self, harmonic_count: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         if self._told[0].shape[1] != 2 * harmonic_count + 1:
             self._make_room(harmonic_count)
         self._library.attrito_monitors(self._handle, *self._told_at)
-        harmonics, amplitude = self._told
-        return harmonics.copy(), amplitude.copy()
+        harmonics, amplitude, rate = self._told
+        return harmonics.copy(), amplitude.copy(), rate.copy()
 
     def _make_room(self, harmonic_count: int) -> None:
         """For what the library reports of the monitors; kept from point to point."""
         count = len(self._scene.monitors)
-        self._told = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count)
+        self._told = np.zeros((count, 2 * harmonic_count + 1)), np.zeros(count), np.zeros(count)
         self._told_at = tuple(pointer(array) for array in self._told)
 
     def point_of(self, raw: RawPoint, followed: bool = False) -> Point:

@@ -67,7 +67,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_next_point": (None, (HANDLE, POINTER(RawPoint))),
     "attrito_solve_at": (None, (HANDLE, c_double, c_int, POINTER(RawPoint))),
     "attrito_solve_by_strategy": (c_int, (HANDLE, c_char_p, c_double, POINTER(RawPoint))),
-    "attrito_monitors": (None, (HANDLE, Doubles, Doubles)),
+    "attrito_monitors": (None, (HANDLE, Doubles, Doubles, Doubles)),
     "attrito_coordinates": (None, (HANDLE, c_int, Doubles)),
     "attrito_linear_response": (c_int, (HANDLE, c_int, c_int, Doubles, Doubles, c_int, Doubles, Integers, *MESSAGE)),
     "attrito_linear_modes": (c_int, (HANDLE, c_int, c_int, Doubles, Doubles, Doubles, Integers, *MESSAGE)),

@@ -1,9 +1,10 @@
 """Is there a higher peak than the one that is followed? The band of `[sweep]`, swept coarsely from a followed peak.
 
 A peak is followed by itself: nothing is known of the response elsewhere. From the peak's own motion and sliders the
-response is followed to either end of the band, at the same loads. A sweep has a point at every peak, which misses its
-height by a tenth of the sweep's tolerance at most (docs/method.md, "Getting from point to point"), so a coarse sweep
-is enough. Branches that are not connected to the peak's are not seen.
+response is followed to either end of the band, at the same loads, by a coarse sweep. An arc of it has a maximum if the
+amplitude rises where it begins, or has risen to there, and falls where it ends, or has fallen to there. That is higher
+than both ends, by as much as the drawn curve may be wrong, so that all are climbed to that may be the highest. Branches
+that are not connected to the peak's are not seen, nor is a rise after a fall within one arc.
 
 One resonance may have several maxima, where contacts begin to slip or to open one after another. A higher maximum is of
 the followed one's resonance where the response between does not fall below the followed one's half power, 1/sqrt(2) of
@@ -30,7 +31,7 @@ from attrito.library.session import Options, Solver
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
-# Error of the curve drawn through the points of such a sweep, part of the largest amplitude; heights miss a tenth of it
+# Error of the curve drawn through the points of such a sweep, part of the largest amplitude
 COARSE = 0.1
 # A peak is reported that is higher by more than this part, beyond what the height of a point and other sliders change
 HIGHER = 0.02
@@ -81,10 +82,11 @@ class Followed:
 
 @dataclass(frozen=True)
 class Maximum:
-    """A point of a sweep that both neighbours are below.
+    """A point of a sweep, the higher end of an arc that has a maximum.
 
     `least`: amplitude below which the response between it and the followed peak does not fall; `start`, `state`: its
-    motion and all that a session goes on from, None where it is too low to be of interest.
+    motion and all that a session goes on from, None where it is too low to be of interest; `rises`: whether the
+    amplitude rises there, along the sweep, or has risen to there.
     """
 
     amplitude: float
@@ -93,6 +95,7 @@ class Maximum:
     start: Start | None
     state: np.ndarray | None
     work: float
+    rises: bool
 
 
 @dataclass(frozen=True)
@@ -224,7 +227,7 @@ class HigherPeaks:
         last: Maximum | None = None
         frequencies: list[float] = []
         heights: list[float] = []
-        rises, gap, farthest, drifts_at = False, 0, begin, -np.inf
+        gap, farthest, drifts_at = 0, begin, -np.inf
         for point in points:
             height = self._amplitude(point)
             if not point.is_solved:
@@ -238,18 +241,22 @@ class HigherPeaks:
                 break
             frequencies.append(point.frequency_hz)
             heights.append(height)
-            if last is not None and rises and height <= last.amplitude:
-                maxima.append(last)
-                if _is_back(frequencies[:-1], heights[:-1], amplitude):
-                    break
-            rises = last is not None and height > last.amplitude
             least = height if last is None else min(height, last.least)
             of_one = anywhere or least >= HALF_POWER * (height if self._chosen else min(height, amplitude))
-            kept = rises and of_one and height > (1.0 - 0.1 * COARSE) * amplitude
+            kept = last is not None and of_one and height > (1.0 - COARSE) * amplitude
             start = Start(point.frequency_hz, solver.coordinates()) if kept else None
             state = solver.save_state() if kept else None
-            last = Maximum(height, point.frequency_hz, least, start, state, point.work)
+            rate = point.amplitude_rate[self._monitor]
+            rises = last is not None and (rate > 0.0 or height > last.amplitude)
+            before, last = last, Maximum(height, point.frequency_hz, least, start, state, point.work, rises)
             farthest = (min if end < begin else max)(farthest, point.frequency_hz)
+            if before is None or not before.rises or (rate > 0.0 and height > before.amplitude):
+                continue
+            highest = max(before, last, key=lambda one: one.amplitude)
+            if not maxima or maxima[-1] is not highest:
+                maxima.append(highest)
+            if _is_back(frequencies, heights, amplitude):
+                break
         self.work += point.work
         reached_end = point.is_solved and gap == 0 and point.reached_stop
         return Sweep(maxima, farthest, reached_end, drifts_at, frequencies, heights)
@@ -262,7 +269,7 @@ class HigherPeaks:
         kept = sorted((one for one in maxima if one.state is not None), key=lambda one: -one.amplitude)
         better, start, height = None, None, (1.0 + SAME) * peak.amplitude
         for one in kept[:MOST_CLIMBS]:
-            if one.amplitude < (1.0 - 0.1 * COARSE) * height:
+            if one.amplitude < (1.0 - COARSE) * height:
                 break
             solver.load_state(one.state)
             climbed = tracker.begin_near(one.start, peak.level, preload)
@@ -281,7 +288,7 @@ class HigherPeaks:
 def _is_back(frequencies_hz: list[float], heights: list[float], amplitude: float) -> bool:
     """Whether a sweep from a peak of an amplitude, fallen below half power, has turned and come back to the peak."""
     fallen = next((i for i, height in enumerate(heights) if height < HALF_POWER * amplitude), None)
-    if fallen is None or heights[-1] < (1.0 - 0.1 * COARSE) * amplitude:
+    if fallen is None or max(heights[-2:]) < (1.0 - COARSE) * amplitude:
         return False
     return abs(frequencies_hz[-1] - frequencies_hz[0]) < abs(frequencies_hz[fallen] - frequencies_hz[0])
 
