@@ -246,7 +246,7 @@ def test_an_arc_that_rises_where_it_begins_and_falls_where_it_ends_has_a_maximum
         point._replace(frequency_hz=1.0 + i, amplitude=np.array([height]), amplitude_rate=np.array([rate]))
         for i, (height, rate) in enumerate(zip(heights, rates, strict=True))
     ]
-    options = Options(harmonics=3, by_events=True)
+    options = Options(harmonics=3)
     with (
         Solver(MPI.COMM_SELF, scene, options) as solver,
         HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND) as looking,
@@ -271,7 +271,7 @@ def test_points_of_a_sweep_tell_how_their_amplitude_changes():
 
 def points_of(scene: ReducedScene, end_hz: float) -> list[Point]:
     """Of a sweep from the beginning of the band."""
-    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3)) as solver:
         solver.follow_static_path(PATH, 1, BAND[0])
         return list(solver.sweep(BAND[0], end_hz, 1.0, 0, 200))
 

@@ -372,17 +372,16 @@ def test_a_peak_at_a_corner_is_said_to_be_one_and_falls_on_either_side():
 
 
 @pytest.mark.parametrize("way", ["preload_down", "level_up"])
-def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken(way):
-    # A wedge with two tangents by samples: its response has corners where these begin to slip, and several maxima.
-    # Followed in the level, a maximum and a minimum are nearer to each other than a step uphill is long.
+def test_a_peak_along_two_tangents_has_one_maximum(way):
+    # A wedge whose forces by samples have corners where these begin to slip, and several maxima within 1 %.
     scene = peaks_scenes.make(1, 15)
     job = peaks.keys_of(scene, way)
-    options = Options(harmonics=5, samples=128)
+    options = Options(harmonics=5)
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
         curve = follow(solver, job, scene.reduced, peaks.PATH)
         peak = next(one for one in curve if one.peak.parameter == job["peak"]["values"][0]).peak
         state = solver.save_state()
-    # Listed frequencies about it, sliders going on from the peak's: 1 % to either side, the maxima are nearer.
+    # Listed frequencies about it, sliders going on from the peak's, 1 % to either side.
     offsets = np.linspace(0.0, 0.01, 41)
     heights = []
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
@@ -393,16 +392,14 @@ def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken(way):
             points = solver.solve_at((peak.frequency_hz * (1.0 + side * offsets)).tolist(), peak.level, 0)
             heights.append([point.amplitude[0] for point in points])
     assert heights[0][0] == pytest.approx(peak.amplitude, rel=1e-9)
-    assert np.max(heights) <= (1.0 + peaks.EQUAL) * peak.amplitude
-    # The test is void unless the response rises again beside the peak.
-    assert any(np.diff(height).max() > 0.0 for height in heights)
+    # The frequency of the maximum is wrong by 1e-9, where the response is flat.
+    assert all(np.diff(height).max() < 0.0 for height in heights)
 
 
-def test_a_curve_that_comes_to_a_lower_maximum_of_a_resonance_goes_on_from_the_highest():
-    # A wedge with two tangents by samples, opening more and more: at the last level another maximum is 3 % higher.
-    options = Options(harmonics=5, samples=128)
-    done = peaks.run(peaks.Task(1, 13, "level_up", check=True, limit=jobs.TIMEOUT, options=options))
-    assert done.arrived and done.values[-1].moved
+def test_a_curve_along_two_tangents_that_opens_more_and_more_stays_on_the_only_maximum():
+    # By samples another maximum of this wedge had been 3 % higher at the last level.
+    done = peaks.run(peaks.Task(1, 13, "level_up", check=True, limit=jobs.TIMEOUT, options=Options(harmonics=5)))
+    assert done.arrived and not any(value.moved for value in done.values)
     assert [value.kind for value in done.values] == ["equal"] * 3
     assert max(abs(value.dense_error) for value in done.values) <= peaks.EQUAL
 

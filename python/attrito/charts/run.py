@@ -86,7 +86,7 @@ class Bench:
         self._amplitude = np.full(len(self._scene.monitors), np.nan)
         self._iterations = 0
         # What coupled runs of fixed harmonics have taken: harmonics, seconds
-        self._taken: list[tuple[int, int, float]] = []
+        self._taken: list[tuple[int, float]] = []
         # Of the last run, and iterations by label
         self._last_amplitude, self._iterations_of = self._amplitude, dict[str, int]()
         self._accepted = REFERENCE[self._tangents]
