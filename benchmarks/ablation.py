@@ -63,7 +63,7 @@ class Case:
 def corner(arguments: argparse.Namespace) -> Iterator[Case]:
     """Every so many families of the hard corner of the scene grid."""
     hard = [one for one in families() if one.ratio >= 1.0e3 and one.degrees > 0.0 and one.preload != "large"]
-    options = Options(harmonics=10, samples=128, by_events=True)
+    options = Options(harmonics=10, samples=128)
     chosen = hard[:: max(len(hard) // arguments.families, 1)][: arguments.families]
     for family in chosen:
         frequencies = np.linspace(*BAND, arguments.frequencies)
@@ -72,7 +72,7 @@ def corner(arguments: argparse.Namespace) -> Iterator[Case]:
 
 def plane(arguments: argparse.Namespace) -> Iterator[Case]:
     """Plane blocks, one tangent."""
-    options = Options(harmonics=5, samples=128, by_events=True)
+    options = Options(harmonics=5, samples=128)
     for stiffness in (2.0e9, 2.0e11):
         scene = scenes.plane_block(10, stiffness=stiffness)
         yield from _block(f"plane block, {stiffness:g} N/m", scene, options, arguments.block_frequencies)

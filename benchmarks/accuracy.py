@@ -201,7 +201,7 @@ def run(case: Case, options: Options) -> Run:
 
 def options_of(case: Case, harmonics: int, samples: int = 0) -> Options:
     """A fixed series; contacts with two tangents by enough samples for it."""
-    return Options(harmonics=harmonics, samples=max(samples, 128, 6 * harmonics + 2), by_events=True)
+    return Options(harmonics=harmonics, samples=max(samples, 128, 6 * harmonics + 2))
 
 
 def automatic(tolerance: float) -> Options:
@@ -209,7 +209,6 @@ def automatic(tolerance: float) -> Options:
     return Options(
         harmonics=3,
         samples=64,
-        by_events=True,
         choose_harmonics=True,
         accepted_error=tolerance,
     )

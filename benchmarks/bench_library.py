@@ -29,7 +29,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_bench_linear_response": (c_int, (HANDLE, c_double, Doubles, Doubles)),
     "attrito_bench_time_contact": (
         None,
-        (POINTER(RawLaw), c_int, c_int, Doubles, c_int, c_int, c_int, Doubles, Doubles),
+        (POINTER(RawLaw), c_int, Doubles, c_int, c_int, Doubles, Doubles),
     ),
     "attrito_bench_evaluations": (c_int, (HANDLE,)),
     "attrito_bench_leave_out": (None, (HANDLE, c_int)),

@@ -25,13 +25,13 @@ from attrito.library.names import STATES
 from attrito.library.session import Options, Solver
 
 
-def measure(contacts: int, harmonics: int, modes: int, load: float, options: dict) -> dict:
+def measure(contacts: int, harmonics: int, modes: int, load: float) -> dict:
     """Sweep through the first stuck resonance; times of this rank's wall clock."""
     scene = plane_block(contacts, modes)
     stuck = stuck_system(scene)
     first = stuck.frequencies_hz[0]
     level = load * np.median(slip_thresholds(scene, stuck, first))
-    with Solver(MPI.COMM_WORLD, scene, Options(harmonics=harmonics, **options)) as solver:
+    with Solver(MPI.COMM_WORLD, scene, Options(harmonics=harmonics)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 10, first)
         started = time.perf_counter()
         points = list(solver.sweep(0.8 * first, 1.2 * first, level, 0, 400))
@@ -45,7 +45,6 @@ def measure(contacts: int, harmonics: int, modes: int, load: float, options: dic
         "harmonics": harmonics,
         "load": load,
         "ranks": MPI.COMM_WORLD.size,
-        **options,
         "points": len(points),
         "not_converged": sum(point.outcome == "not_converged" for point in points),
         "iterations": iterations,
@@ -62,13 +61,8 @@ def main() -> None:
     parser.add_argument("--harmonics", type=int, default=5)
     parser.add_argument("--modes", type=int, default=10)
     parser.add_argument("--load", type=float, default=1.5, help="force, relative to where half the contacts slip")
-    parser.add_argument("--samples", type=int, default=128)
     arguments = parser.parse_args()
-    rows = [
-        measure(contacts, arguments.harmonics, arguments.modes, arguments.load, options)
-        for contacts in arguments.contacts
-        for options in ({"by_events": True}, {"by_events": False, "samples": arguments.samples})
-    ]
+    rows = [measure(contacts, arguments.harmonics, arguments.modes, arguments.load) for contacts in arguments.contacts]
     if MPI.COMM_WORLD.rank == 0:
         print(json.dumps(rows, indent=1))
 

@@ -194,7 +194,7 @@ def main() -> None:
     arguments = parser.parse_args()
     low, high = arguments.range
     scene = scenes.bouncing_block(arguments.contacts, damping=arguments.damping)
-    with common.TimedSolver(scene, Options(harmonics=arguments.harmonics, by_events=True)) as solver:
+    with common.TimedSolver(scene, Options(harmonics=arguments.harmonics)) as solver:
         up = sweep(solver, low, high, arguments)
         down = sweep(solver, high, low, arguments)
     stuck = scenes.stuck_system(scene)

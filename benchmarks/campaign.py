@@ -51,9 +51,7 @@ def options_of(scene: campaign_scenes.Scene) -> Options:
     """As a job's with a tolerance and nothing else."""
     harmonics = max(FIRST_HARMONICS, scene.loaded_harmonics)
     samples = max(SAMPLES, 6 * harmonics + 2)
-    return Options(
-        harmonics=harmonics, samples=samples, by_events=True, choose_harmonics=True, accepted_error=TOLERANCE
-    )
+    return Options(harmonics=harmonics, samples=samples, choose_harmonics=True, accepted_error=TOLERANCE)
 
 
 def sweep(scene: campaign_scenes.Scene) -> Iterator[tuple[Point, Solved, float]]:

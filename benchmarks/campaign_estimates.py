@@ -46,7 +46,7 @@ POINTS = (1, 3)
 def options_of(scene: campaign_scenes.Scene, harmonics: int, samples: int) -> Options:
     """Fixed series, no tolerance."""
     harmonics = max(harmonics, scene.loaded_harmonics)
-    return Options(harmonics=harmonics, samples=max(samples, 6 * harmonics + 2), by_events=True)
+    return Options(harmonics=harmonics, samples=max(samples, 6 * harmonics + 2))
 
 
 class Series:

@@ -282,7 +282,7 @@ class Referee:
         def hear(path: str, _what: object, entry: np.ndarray) -> None:
             heard[path.removeprefix("/contacts/")] = entry
 
-        options = Options(harmonics=harmonics, by_events=True)
+        options = Options(harmonics=harmonics)
         stored = StoredPoint(point.frequency_hz, point.coordinates, point.slider)
         with Solver(MPI.COMM_SELF, self._scene, options) as solver:
             try:

@@ -113,9 +113,7 @@ class TimedSolver(Solver):
             raise RuntimeError(f"{name}: the system is singular at this point")
 
 
-def contact_kernel(
-    laws: dict[str, np.ndarray], motion: np.ndarray, samples: int, by_events: bool, periodic: bool = True
-) -> dict[str, float]:
+def contact_kernel(laws: dict[str, np.ndarray], motion: np.ndarray, periodic: bool = True) -> dict[str, float]:
     """Seconds of one contact's forces and Jacobian, and the part of the period that it moves.
 
     `periodic`: two tangents are marched once, from a slider that is an unknown, rather than twice.
@@ -130,9 +128,7 @@ def contact_kernel(
         bench_library.load().attrito_bench_time_contact(
             ctypes.byref(law),
             motion.shape[1],
-            samples,
             pointer(motion),
-            int(by_events),
             int(periodic),
             repeats,
             ctypes.byref(seconds),

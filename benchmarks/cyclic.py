@@ -86,11 +86,11 @@ def difference(one: Point, other: Point) -> float:
     return float(np.abs(one.harmonics - other.harmonics).max() / np.abs(other.harmonics).max())
 
 
-def compare_wave(scene: ReducedScene, by_events: bool, points: int) -> dict[str, Any]:
+def compare_wave(scene: ReducedScene, points: int) -> dict[str, Any]:
     """Differences where both come to the same motion by themselves, and where the wheel starts near the wave."""
     assert scene.sector is not None
     sector, wheel = scene.sector, whole_wheel(scene)
-    options = Options(harmonics=5, samples=SAMPLES, by_events=by_events, tolerance=1e-13)
+    options = Options(harmonics=5, tolerance=1e-13)
     frequencies = np.linspace(0.4, 0.08, -(-points // len(LEVELS)))
     kept = np.delete(np.arange(len(scene.mass)), sector.upper)
     draw = np.random.default_rng(1)
@@ -136,18 +136,18 @@ def waves(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     for sectors in arguments.sectors:
         orders = {1, sectors - 1, sectors // 2 if sectors % 2 == 0 else 2}
         for engine_order in sorted(orders):
-            for tangents, by_events in ((1, True), (1, False), (2, False)):
+            for tangents in (1, 2):
                 seed = arguments.seed + sectors
                 scene = random_sector(seed, sectors, engine_order, tangents=tangents)
                 row = {"sectors": sectors, "engine_order": engine_order, "seed": seed, "tangents": tangents}
-                rows.append(row | {"by_events": by_events} | compare_wave(scene, by_events, arguments.points))
+                rows.append(row | compare_wave(scene, arguments.points))
                 print(rows[-1], file=sys.stderr, flush=True)
     return rows
 
 
 def breaking(arguments: argparse.Namespace) -> list[dict[str, Any]]:
     """One random sector in two wheels; nodal diameters 1 of 3 and 2 of 6 are one and the same wave."""
-    frequency, options = 0.18, Options(harmonics=31, samples=256, by_events=True, tolerance=1e-12)
+    frequency, options = 0.18, Options(harmonics=31, tolerance=1e-12)
     rows = []
     for sectors, engine_order in ((3, 1), (6, 2)):
         scene = random_sector(121, sectors, engine_order)
@@ -207,7 +207,7 @@ def seconds_of_sweep(scene: ReducedScene, options: Options, turns: int = 3) -> t
 
 def seconds_of_examination(scene: ReducedScene, engine: str) -> float:
     """Processor seconds of the multipliers of one point, without what is made once."""
-    with Solver(MPI.COMM_SELF, scene, Options(harmonics=5, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=5)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 10, 0.15)
         list(solver.solve_at([0.15], 1.0, 0))
         examine_point(solver, ENGINES[engine], ORBITS["balance"])
@@ -225,7 +225,7 @@ def by_itself(scene: ReducedScene) -> ReducedScene:
 def cost(arguments: argparse.Namespace) -> dict[str, Any]:
     """Ratios of processor times in one run."""
     sectors, engine_order = 12, 5
-    options = Options(harmonics=5, samples=SAMPLES, by_events=True)
+    options = Options(harmonics=5)
     sector = random_sector(arguments.seed, sectors, engine_order, inside=arguments.size)
     size = len(sector.mass) - PAIRS
     plain = by_itself(random_sector(arguments.seed, 1, 0, inside=size, boundary=False))

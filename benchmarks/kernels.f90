@@ -8,7 +8,6 @@ module attrito_bench_kernels
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
   use attrito_contact_disc_rules, only: new_disc_rules
   use attrito_contact_forces, only: contact_forces_type
-  use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_newton_border, only: constraint_type
   use attrito_newton_linearised_step, only: solve_linearised
@@ -148,11 +147,10 @@ contains
   end function attrito_bench_linear_response
 
   !> Forces and Jacobian of one contact for coefficients [tangents + 1, coefficients]: mean seconds of an evaluation, and the fraction
-  !> of the period that it does not stick. By events or by samples; two tangents marched once as a periodic slider, or
-  !> twice.
-  subroutine attrito_bench_time_contact(law, coefficients, samples, motion, by_events, periodic, repeats, seconds, moving) bind(c)
+  !> of the period that it does not stick; two tangents marched once as a periodic slider, or twice.
+  subroutine attrito_bench_time_contact(law, coefficients, motion, periodic, repeats, seconds, moving) bind(c)
     type(contact_law_type), intent(in) :: law
-    integer(c_int), value :: coefficients, samples, by_events, periodic, repeats
+    integer(c_int), value :: coefficients, periodic, repeats
     real(c_double), intent(in) :: motion(coefficients, law%tangents + 1)
     real(c_double), intent(out) :: seconds, moving
     type(contact_type) :: contact(1)
@@ -163,8 +161,7 @@ contains
     integer :: i
 
     contact(1) = law_of(law)
-    quadrature = quadrature_type(by_events /= 0, new_fourier((coefficients - 1)/2, samples), new_grid((coefficients - 1)/2), &
-                                 new_disc_rules((coefficients - 1)/2))
+    quadrature = quadrature_type(new_grid((coefficients - 1)/2), new_disc_rules((coefficients - 1)/2))
     allocate (forces%deviation(coefficients, law%tangents + 1))
     started = clock()
     do i = 1, repeats
@@ -172,7 +169,6 @@ contains
     end do
     seconds = (clock() - started)/repeats
     moving = forces%slip + forces%open
-    call quadrature%fourier%destroy()
     call release_laws(contact)
   end subroutine attrito_bench_time_contact
 

@@ -1,24 +1,22 @@
 """What a Newton iteration is made of, beside the machine's own rates: residual and Jacobian, linearised step, contacts.
 
     .venv/bin/python benchmarks/kernels.py > kernels.json
-    .venv/bin/python benchmarks/kernels.py --plane 10 --hexahedral 50 --harmonics 5 --samples 128 --modes 60
+    .venv/bin/python benchmarks/kernels.py --plane 10 --hexahedral 50 --harmonics 5 --modes 60
 
 Scenes stand at the stuck system's response, at levels where a stated share of the tangents' rows is active: no solve
 decides what is timed. Prints JSON: seconds, counted flops and bytes, the least time that the machine's rates leave,
 which of them binds (`flops`; bytes in `cache` or from `memory`) and the share of it that the kernel reaches.
 
-Counts, with k = 2 H + 1 coefficients, J samples, P = 3 marches, n stuck modes, m rows of B in contacts of t rows each,
+Counts, with k = 2 H + 1 coefficients, n stuck modes, m rows of B in contacts of t rows each,
 and a active rows of the Jacobian in contacts that have r rows of B together:
 
     kernel        flops                                        bytes (8 each number)
-    sampled line  4 k^2 J (slider's gradient to coefficients)  3 J k (gradients of u and v, basis)
-    sampled disc  12 k^2 J + P J (28 k + 12) (and its march)   2 J (3 k + 2) (P + 1)
     event line    16 I k^2 + 40 k^2                            4 I k^2, with I = 8 intervals; roots on 4 k points
     event disc    n (12 k^2 + 48 k + 600)                      n 7 k, with n = 5 k nodes of slip
     residual      6 k m n + the contacts' own                  3 m n, and the contacts' own
     step          4 r a n + 2 k t a^2 + 2 a^3 / 3              3 a^2 (receptances, product with the Jacobian, dense LU)
 
-A contact counts as slipping throughout, by events only the share that does.
+Of the contacts that share counts that slips.
 """
 
 from __future__ import annotations
@@ -38,22 +36,12 @@ HARMONICS = 5
 INTERVALS = 8
 
 
-def sampled_line(k: int, samples: int) -> tuple[float, float]:
-    """Flops and bytes of one contact with one tangent, by samples."""
-    return 4.0 * k**2 * samples, 24.0 * samples * k
-
-
-def sampled_disc(k: int, samples: int, passes: int = 1) -> tuple[float, float]:
-    """Flops and bytes of one contact with two tangents that slips throughout."""
-    return 12.0 * k**2 * samples + passes * samples * (28.0 * k + 12.0), 16.0 * samples * (3 * k + 2) * (passes + 1)
-
-
-def event_line(k: int, _: int) -> tuple[float, float]:
+def event_line(k: int) -> tuple[float, float]:
     """Flops and bytes of one contact with one tangent, by events."""
     return 16.0 * INTERVALS * k**2 + 40.0 * k**2, 32.0 * INTERVALS * k**2
 
 
-def event_disc(k: int, _: int) -> tuple[float, float]:
+def event_disc(k: int) -> tuple[float, float]:
     """Flops and bytes of one contact with two tangents that slips throughout, by events."""
     return 5.0 * k * (12.0 * k**2 + 48.0 * k + 600.0), 8.0 * 5.0 * k * 7.0 * k
 
@@ -99,31 +87,26 @@ def slipping_motion(tangents: int, harmonics: int) -> np.ndarray:
     return motion
 
 
-def contact_rows(machine: dict, harmonics: list[int], samples: list[int]) -> list[dict]:
+def contact_rows(machine: dict, harmonics: list[int]) -> list[dict]:
     """Kernels of single contacts."""
     rows = []
     for h in harmonics:
-        for name, tangents, by_events, count, counts in (
-            ("event_line", 1, True, 0, event_line),
-            ("event_disc", 2, True, 0, event_disc),
-            *(("sampled_line", 1, False, j, sampled_line) for j in samples),
-            *(("sampled_disc", 2, False, j, sampled_disc) for j in samples),
-        ):
+        for tangents, (name, counts) in enumerate((("event_line", event_line), ("event_disc", event_disc)), 1):
             laws = scenes.equal_laws(1, tangents, 1.0, 1.0)
-            found = common.contact_kernel(laws, slipping_motion(tangents, h), count or 128, by_events)
-            counted = counts(2 * h + 1, count)
+            found = common.contact_kernel(laws, slipping_motion(tangents, h))
+            counted = counts(2 * h + 1)
             compared = against(machine, found["seconds"], counted, counted[1])
-            rows.append({"kernel": name, "harmonics": h, "samples": count, "moving": found["moving"], **compared})
+            rows.append({"kernel": name, "harmonics": h, "moving": found["moving"], **compared})
     return rows
 
 
-def scene_rows(machine: dict, name: str, scene: ReducedScene, shares: list[float], options: dict) -> list[dict]:
+def scene_rows(machine: dict, name: str, scene: ReducedScene, shares: list[float]) -> list[dict]:
     """Residual with Jacobian, and linearised step, with shares of the tangents' rows active."""
     stuck = scenes.stuck_system(scene)
     frequency = 0.9 * stuck.frequencies_hz[0]
     highest = 10.0 * scenes.slip_thresholds(scene, stuck, frequency).max()
     rows = []
-    with common.TimedSolver(scene, Options(harmonics=HARMONICS, **options)) as solver:
+    with common.TimedSolver(scene, Options(harmonics=HARMONICS)) as solver:
         for share in shares:
             solver.slip_stuck_response(frequency, share, highest)
             evaluation, (seconds, iterations) = solver.evaluation(), solver.linearised_step()
@@ -133,25 +116,21 @@ def scene_rows(machine: dict, name: str, scene: ReducedScene, shares: list[float
                     "contacts": len(scene.laws["tangents"]),
                     "modes": len(scene.mass),
                     "harmonics": HARMONICS,
-                    **options,
                     "share": share,
                     "active_rows": evaluation["active_rows"],
                     "linear_iterations": iterations,
-                    **compare(machine, scene, share, options, evaluation, seconds),
+                    **compare(machine, scene, share, evaluation, seconds),
                 }
             )
     return rows
 
 
-def compare(
-    machine: dict, scene: ReducedScene, share: float, options: dict, evaluation: dict[str, float], seconds: float
-) -> dict:
-    """Both kernels of a scene beside their bounds; by events, a contact that sticks costs nothing."""
+def compare(machine: dict, scene: ReducedScene, share: float, evaluation: dict[str, float], seconds: float) -> dict:
+    """Both kernels of a scene beside their bounds; a contact that sticks costs nothing."""
     k, rows, modes = 2 * HARMONICS + 1, len(scene.directions), len(scene.mass)
     contacts, tangents = len(scene.laws["tangents"]), scene.laws["tangents"][0]
-    kernel = event_line if "by_events" in options else sampled_disc if tangents == 2 else sampled_line
-    counted = share * contacts if "by_events" in options else contacts
-    whole, contact = residual(k, rows, modes), kernel(k, options.get("samples", 0))
+    whole, contact = residual(k, rows, modes), event_line(k) if tangents == 1 else event_disc(k)
+    counted = share * contacts
     together = (whole[0] + counted * contact[0], whole[1] + counted * contact[1])
     active = evaluation["active_rows"]
     return {
@@ -166,7 +145,6 @@ def main() -> None:
     parser.add_argument("--plane", type=int, nargs="*", default=[10, 30, 100], help="contacts of the plane block")
     parser.add_argument("--hexahedral", type=int, nargs="*", default=[50, 100], help="contacts of the hexahedral block")
     parser.add_argument("--harmonics", type=int, nargs="+", default=[3, 5, 7, 11])
-    parser.add_argument("--samples", type=int, nargs="+", default=[64, 128, 256, 512])
     parser.add_argument(
         "--shares", type=float, nargs="+", default=[0.0, 0.1, 0.5, 1.0], help="of tangents' rows active"
     )
@@ -176,14 +154,13 @@ def main() -> None:
     common.progress(f"machine: {machine}")
     rows = []
     for contacts in arguments.plane:
-        for options in ({"by_events": True}, {"samples": 128}):
-            common.progress(f"plane block, {contacts} contacts, {options}")
-            rows += scene_rows(machine, "plane", scenes.plane_block(contacts), arguments.shares, options)
+        common.progress(f"plane block, {contacts} contacts")
+        rows += scene_rows(machine, "plane", scenes.plane_block(contacts), arguments.shares)
     for contacts in arguments.hexahedral:
         common.progress(f"hexahedral block, {contacts} contacts")
         scene = scenes.hexahedral_block(contacts, arguments.modes)
-        rows += scene_rows(machine, "hexahedral", scene, arguments.shares, {"samples": 128})
-    contacts = contact_rows(machine, arguments.harmonics, arguments.samples)
+        rows += scene_rows(machine, "hexahedral", scene, arguments.shares)
+    contacts = contact_rows(machine, arguments.harmonics)
     common.report({"machine": machine, "contacts": contacts, "scenes": rows})
 
 

@@ -1,11 +1,11 @@
 """What contacts dissipate, by the balance and by loops that are marched in time outside of it.
 
-    .venv/bin/python benchmarks/loops.py [--job input/lap_joint.toml] [--hz 137.385] [--samples 128 512] [--steps 20000]
+    .venv/bin/python benchmarks/loops.py [--job input/lap_joint.toml] [--hz 137.385] [--steps 20000]
 
 A frequency of the job is solved at its first level, with its own harmonics. The motion of every contact is then
 followed step by step by the law itself, written anew here: a spring, a Coulomb slider of two tangents by radial return,
 lift-off; period after period until no slider ends elsewhere than it began. W is the sum over steps of the work of the
-friction force, its mean over the step, times the step of the motion. A row a number of samples, JSON on standard
+friction force, its mean over the step, times the step of the motion. JSON on standard
 output: W of the balance over W of the loops, less 1, of all contacts together and of the worst one that dissipates a
 hundredth of what the largest does. The job's model must be there.
 """
@@ -13,7 +13,6 @@ hundredth of what the largest does. The job's model must be there.
 from __future__ import annotations
 
 import argparse
-from dataclasses import replace
 from pathlib import Path
 
 import common  # isort: skip (sets the threads of BLAS before numpy is loaded)
@@ -66,34 +65,31 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--job", type=Path, default=ROOT / "input/lap_joint.toml")
     parser.add_argument("--hz", type=float, default=137.385)
-    parser.add_argument("--samples", type=int, nargs="*", default=[128, 512])
     parser.add_argument("--steps", type=int, default=20_000)
     arguments = parser.parse_args()
     job = read_job(str(arguments.job))
     scene, progress = build_scene(job), Progress(MPI.COMM_SELF)
     rom = make_rom(MPI.COMM_SELF, job, scene, progress.say, progress.step)[0]
     reduced, options = reduced_scene(job, scene, rom), solver_options(job, rom)
-    rows = []
-    for samples in arguments.samples:
-        with Solver(MPI.COMM_SELF, reduced, replace(options, samples=samples, by_events=False)) as solver:
-            solver.follow_static_path(scene.load_path, job["static"]["steps"], arguments.hz)
-            (point,) = solver.solve_at([arguments.hz], float(job["sweep"]["levels"][0]), 0)
-            heard: dict[str, np.ndarray] = {}
-            solver.report_point(lambda path, _, values, into=heard: into.update({path: values}))
-        own = np.nan_to_num(heard["/contacts/dissipated_energy"])
-        loops = marched(heard["/contacts/displacement"], reduced.laws, heard["/contacts/slider"], arguments.steps)
-        large = own > 0.01 * own.max()
-        rows.append(
-            {
-                "samples": samples,
-                "outcome": point.outcome,
-                "slipping": point.states[2],
-                "dissipated": float(own.sum()),
-                "balance over loops, all": float(own.sum() / loops.sum() - 1.0),
-                "balance over loops, worst contact": float(np.abs(own[large] / loops[large] - 1.0).max()),
-            }
-        )
-    common.report({"frequency_hz": arguments.hz, "steps": arguments.steps, "points": rows})
+    with Solver(MPI.COMM_SELF, reduced, options) as solver:
+        solver.follow_static_path(scene.load_path, job["static"]["steps"], arguments.hz)
+        (point,) = solver.solve_at([arguments.hz], float(job["sweep"]["levels"][0]), 0)
+        heard: dict[str, np.ndarray] = {}
+        solver.report_point(lambda path, _, values: heard.update({path: values}))
+    own = np.nan_to_num(heard["/contacts/dissipated_energy"])
+    loops = marched(heard["/contacts/displacement"], reduced.laws, heard["/contacts/slider"], arguments.steps)
+    large = own > 0.01 * own.max()
+    common.report(
+        {
+            "frequency_hz": arguments.hz,
+            "steps": arguments.steps,
+            "outcome": point.outcome,
+            "slipping": point.states[2],
+            "dissipated": float(own.sum()),
+            "balance over loops, all": float(own.sum() / loops.sum() - 1.0),
+            "balance over loops, worst contact": float(np.abs(own[large] / loops[large] - 1.0).max()),
+        }
+    )
 
 
 if __name__ == "__main__":

@@ -320,7 +320,7 @@ def main() -> None:
     parser.add_argument("--verbose", action="store_true", help="print every value")
     arguments = parser.parse_args()
     numbers = range(arguments.first, arguments.first + arguments.scenes)
-    options = Options(arguments.harmonics, arguments.samples, by_events=True)
+    options = Options(arguments.harmonics, arguments.samples)
     tasks = [
         Task(arguments.seed, number, way, not arguments.unchecked, arguments.limit, options)
         for number in numbers

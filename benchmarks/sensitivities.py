@@ -235,8 +235,8 @@ def compared(seed: int, number: int, most: int, looks_at: tuple[str, ...] = tupl
         return
     random = np.random.default_rng([seed, number, 2])
     looks = {"point": look_at_point, "peak": look_at_peak, "mode": look_at_mode}
-    by = 0 if case.goes_by_events else 1
-    labels = {"scene": number, "kinds": case.kinds, "by": ("events", "samples")[by]}
+    by = 0 if case.is_smooth else 1
+    labels = {"scene": number, "kinds": case.kinds, "by": ("smooth", "bent")[by]}
 
     def row(look: Callable[[list[Parameter]], Look | list[Look]], every: list[Parameter], how: int) -> dict:
         few = len(every) if len(every) <= max(FEW, most) and most >= FEW - 4 else most
@@ -272,17 +272,17 @@ def compared(seed: int, number: int, most: int, looks_at: tuple[str, ...] = tupl
     if case.scene.sector is None and springs:
         state = str(random.choice(REFERENCES))
         found = row(lambda every: look_at_natural_frequencies(case.scene, every, state), springs, 0)
-        yield labels | {"look": "natural frequencies", "by": "events"} | found
+        yield labels | {"look": "natural frequencies", "by": "smooth"} | found
 
 
 def summary(rows: list[dict]) -> dict:
-    """Of what was looked at, by events and by samples and by kinds of quantities: how many keep the tolerance."""
+    """Of what was looked at, smooth or bent, and by kinds of quantities: how many keep the tolerance."""
     found: dict = {"scenes": len({row["scene"] for row in rows}), "without": {}}
     for row in rows:
         if "found" not in row:
             key = f"{row['look']}: {row['outcome'].splitlines()[0][:60]}"
             found["without"][key] = found["without"].get(key, 0) + 1
-    for by, tolerance in zip(("events", "samples"), TOLERANCES, strict=True):
+    for by, tolerance in zip(("smooth", "bent"), TOLERANCES, strict=True):
         own = [row for row in rows if row["by"] == by and "found" in row]
         found[by] = {}
         for look in sorted({row["look"] for row in own}):

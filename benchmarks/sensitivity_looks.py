@@ -77,7 +77,7 @@ class Look:
 
 def options_of(case: Case) -> Options:
     """Of the balance."""
-    return Options(case.harmonics, case.samples, by_events=case.by_events, tolerance=SOLVED_TO, integrate_in_time=False)
+    return Options(case.harmonics, tolerance=SOLVED_TO, integrate_in_time=False)
 
 
 def follow_loads(solver: Solver, scene: ReducedScene, frequency_hz: float) -> None:

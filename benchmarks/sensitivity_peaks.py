@@ -135,7 +135,7 @@ def peak_beside(
             ends = uphill(lambda part: at(part)[1])
             if ends is None:
                 return None
-            if not case.goes_by_events or at_corner:
+            if not case.is_smooth or at_corner:
                 height, part = corner_between(at, *ends, start.frequency_hz)
             else:
                 part = brentq(lambda part: at(part)[1], *ends, xtol=1e-16, rtol=1e-15, maxiter=200)

@@ -19,12 +19,10 @@ NUMBERS = ("tangential_stiffness", "normal_stiffness", "friction_coefficient", "
 # Numbers of damping by its kind, in the order of the library: alpha, beta, ratio, loss factor
 DAMPED = {"none": (), "viscous": (0, 1), "ratio": (2,), "mass": (0,), "loss_factor": (3,)}
 # Shares of sectors, of other laws and loss factors among the others, and of what is looked at
-SECTORS, IWAN, PRESSURE, LOSS_FACTOR, SAMPLED = 0.12, 0.2, 0.1, 0.15, 0.15
+SECTORS, IWAN, PRESSURE, LOSS_FACTOR = 0.12, 0.2, 0.1, 0.15
 LOOKS = {"point": 0.5, "peak": 0.3, "mode": 0.2}
 WHEELS = (3, 5, 6, 8, 12)
 HARMONICS = 5
-# A multiple of N / gcd(N, EO) for all wheels
-SAMPLES, SAMPLES_OF_WHEELS = 128, 120
 
 # A name and a place: a contact and one of its law's numbers; a load's number; a number of damping; or the level
 Parameter = tuple[str, int]
@@ -42,7 +40,7 @@ class Case:
     scene : what is solved
     look : one of `LOOKS`
     frequencies_hz : where it is looked for
-    harmonics, samples, by_events : of the balance
+    harmonics : of the balance
     """
 
     kinds: tuple[str, ...]
@@ -50,23 +48,20 @@ class Case:
     look: str
     frequencies_hz: list[float]
     harmonics: int
-    samples: int
-    by_events: bool
 
     @property
-    def goes_by_events(self) -> bool:
-        """Whether all its contacts do."""
+    def is_smooth(self) -> bool:
+        """Whether peaks have a frequency that is differentiable."""
         pressure = "law" in self.scene.laws and np.any(self.scene.laws["law"] == LAWS.index("pressure"))
-        return self.by_events and bool(np.all(self.scene.laws["tangents"] == 1)) and not pressure
+        return bool(np.all(self.scene.laws["tangents"] == 1)) and not pressure
 
 
 def make(seed: int, number: int) -> Case:
     """The scene of a seed and a number."""
     random = np.random.default_rng([seed, number, 1])
     look = str(random.choice(list(LOOKS), p=list(LOOKS.values())))
-    by_events = bool(random.random() >= SAMPLED)
     if random.random() < SECTORS:
-        return sector(random, "peak" if look == "mode" else look, by_events)
+        return sector(random, "peak" if look == "mode" else look)
     drawn = campaign_scenes.make(seed, number)
     scene, kinds = drawn.reduced, [drawn.structure]
     if random.random() < LOSS_FACTOR:
@@ -81,12 +76,10 @@ def make(seed: int, number: int) -> Case:
         look,
         [float(frequency) for frequency in drawn.frequencies_hz],
         max(HARMONICS, drawn.loaded_harmonics),
-        SAMPLES,
-        by_events,
     )
 
 
-def sector(random: np.random.Generator, look: str, by_events: bool) -> Case:
+def sector(random: np.random.Generator, look: str) -> Case:
     """One of a wheel's, in a wave."""
     sectors = int(random.choice(WHEELS))
     order, tangents = int(random.integers(1, sectors)), int(random.integers(1, 3))
@@ -94,7 +87,7 @@ def sector(random: np.random.Generator, look: str, by_events: bool) -> Case:
     scene = replace(scene, harmonic=np.ascontiguousarray(10 ** random.uniform(-1.3, 0.6) * scene.harmonic))
     words = f"sector, {tangents} tangent{'s'[: tangents - 1]}"
     frequencies = np.linspace(0.4, 0.08, 9).tolist()
-    return Case((words, "mass", "coulomb", look), scene, look, frequencies, HARMONICS, SAMPLES_OF_WHEELS, by_events)
+    return Case((words, "mass", "coulomb", look), scene, look, frequencies, HARMONICS)
 
 
 def with_laws(random: np.random.Generator, scene: ReducedScene) -> tuple[ReducedScene, str]:

@@ -127,7 +127,7 @@ def gather(scene: ReducedScene, force: float, way: dict, points: list[Point], ma
 
 
 def measure(
-    contacts: int, parts: list[float], options: dict, limits: tuple[int, float], marching: tuple[int, float]
+    contacts: int, parts: list[float], limits: tuple[int, float], marching: tuple[int, float]
 ) -> tuple[list[dict], list]:
     """Both ways at each level; `marching`: most integrations of a sweep, and seconds for each."""
     scene = scenes.plane_block(contacts)
@@ -136,14 +136,14 @@ def measure(
     median = float(np.median(scenes.slip_thresholds(scene, stuck, 0.9 * first)))
     rows, curves = [], []
     for part in parts:
-        with common.TimedSolver(scene, Options(**options)) as solver:
+        with common.TimedSolver(scene, Options()) as solver:
             up, upward = sweep(solver, 0.75 * first, 1.25 * first, part * median, limits)
             down, downward = sweep(solver, 1.25 * first, 0.75 * first, part * median, limits)
         if marching[0] > 0:
             for way, points in ((up, upward), (down, downward)):
                 way |= gather(scene, part * median, way, points, marching)
         ways = {"up": up, "down": down, "apart_hz": band(upward, downward)}
-        rows.append({"contacts": contacts, "level": part, "force": part * median, **options, **ways})
+        rows.append({"contacts": contacts, "level": part, "force": part * median, **ways})
         curves.append((contacts, part, upward, downward))
         for name, way in (("up", up), ("down", down)):
             common.progress(
@@ -184,15 +184,13 @@ def main() -> None:
     parser.add_argument("--no-integration", action="store_true", help="no integration in time where branches are lost")
     parser.add_argument("--marches", type=int, default=10, help="points integrated of a sweep, at most")
     parser.add_argument("--seconds", type=float, default=20.0, help="of the processor, for the integration of a point")
-    parser.add_argument("--sampled", action="store_true", help="contacts by samples rather than by events")
     parser.add_argument("--picture", help="file to draw to")
     arguments = parser.parse_args()
-    options = {"by_events": not arguments.sampled}
     limits = (arguments.max_points, arguments.max_seconds)
     rows, curves = [], []
     for contacts in arguments.contacts:
         marching = (0 if arguments.no_integration else arguments.marches, arguments.seconds)
-        found, drawn = measure(contacts, arguments.parts, options, limits, marching)
+        found, drawn = measure(contacts, arguments.parts, limits, marching)
         rows += found
         curves += drawn
     if arguments.picture:

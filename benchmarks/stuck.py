@@ -23,13 +23,13 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options
 
 
-def measure(name: str, scene: ReducedScene, options: dict, turns: int) -> dict:
+def measure(name: str, scene: ReducedScene, turns: int) -> dict:
     """Both through the first resonance, at a level at which every contact sticks where the static solution left it."""
     stuck = scenes.stuck_system(scene)
     first = stuck.frequencies_hz[0]
     start, stop = 0.5 * first, 1.5 * first
     least = min(scenes.slip_thresholds(scene, stuck, frequency).min() for frequency in (start, first, stop))
-    with common.TimedSolver(scene, Options(harmonics=5, **options)) as solver:
+    with common.TimedSolver(scene, Options(harmonics=5)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 10, start)
         solver.linear_points(np.array([start]))
         sweeps, linear = [], []
@@ -49,7 +49,6 @@ def measure(name: str, scene: ReducedScene, options: dict, turns: int) -> dict:
         "contacts": len(scene.laws["tangents"]),
         "rows": len(scene.directions),
         "modes": len(scene.mass),
-        **options,
         "points": len(swept),
         "iterations": sum(point.iterations for point in swept),
         "moving": sum(sum(point.states[1:]) for point in swept),
@@ -69,12 +68,9 @@ def main() -> None:
     parser.add_argument("--modes", type=int, default=200)
     parser.add_argument("--turns", type=int, default=10)
     arguments = parser.parse_args()
-    rows = [
-        measure("plane", scenes.plane_block(contacts), {"by_events": True}, arguments.turns)
-        for contacts in arguments.plane
-    ]
+    rows = [measure("plane", scenes.plane_block(contacts), arguments.turns) for contacts in arguments.plane]
     rows += [
-        measure("hexahedral", scenes.hexahedral_block(contacts, arguments.modes), {"samples": 128}, arguments.turns)
+        measure("hexahedral", scenes.hexahedral_block(contacts, arguments.modes), arguments.turns)
         for contacts in arguments.hexahedral
     ]
     print(json.dumps(rows, indent=1))

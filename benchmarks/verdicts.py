@@ -134,7 +134,7 @@ def examine(solver: Solver, point: Point, contacts: int, orbit: str) -> Examined
 
 def options() -> Options:
     """As a job with `tolerance = 0.01` alone."""
-    return Options(harmonics=3, samples=64, by_events=True, choose_harmonics=True, accepted_error=TOLERANCE)
+    return Options(harmonics=3, samples=64, choose_harmonics=True, accepted_error=TOLERANCE)
 
 
 def sweep(scene: ReducedScene, start_hz: float, stop_hz: float, most: int, orbit: str) -> list[Examined]:

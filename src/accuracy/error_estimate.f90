@@ -1,8 +1,6 @@
 !> The relative error of the monitors' amplitude at a point, estimated.
 !>
-!> The point is compared with a finer balance to first order (`attrito_accuracy_finer_balance`), with harmonics up to 3 H and with
-!> s times the samples, whose error is s^-2 of theirs: the part of the change that is due to them is extrapolated by s^2/(s^2 - 1).
-!> The error is split by the motion that either part of the change makes by itself.
+!> The point is compared to first order with a balance of more harmonics (`attrito_accuracy_finer_balance`).
 !>
 !> The estimate is checked by a second step (`attrito_accuracy_second_step`). It is sure if that agrees with the first and all
 !> harmonics beyond have settled; or if the error, the difference of both steps and what further answers would add are together no
@@ -10,11 +8,9 @@
 module attrito_accuracy_error_estimate
   use, intrinsic :: ieee_arithmetic, only: ieee_quiet_nan, ieee_value
   use attrito_core_kinds, only: wp
-  use attrito_contact_evaluation, only: goes_by_events
-  use attrito_contact_state, only: state_slipping
   use attrito_solve_solver, only: solver_type
   use attrito_accuracy_amplitude_change, only: relative_change
-  use attrito_accuracy_finer_balance, only: densification, finer_balance_type, finer_point_type
+  use attrito_accuracy_finer_balance, only: finer_balance_type, finer_point_type
   use attrito_accuracy_point_errors, only: point_errors_type
   use attrito_accuracy_resonances, only: resonances_type
   use attrito_accuracy_second_step, only: second_step_type, step_again
@@ -102,8 +98,7 @@ contains
         errors%is_stiff = errors%is_sure .and. self%stiffness_ratio > max(stiff, real(balance%receptance%harmonics, wp)**2)
         errors%is_sure = errors%is_sure .and. .not. errors%is_stiff
       end if
-      errors%samples = finer%samples_share*error
-      errors%harmonics = error - errors%samples
+      errors%harmonics = error
       if (status == 0) then
         errors%harmonics = max(errors%harmonics, second%missing)
         errors%missing = second%missing
@@ -112,7 +107,7 @@ contains
     end associate
   end subroutine estimate
 
-  !> The solver's present point as a longer series and denser samples would have it: to first order, and after a second step. The
+  !> The solver's present point as a longer series would have it: to first order, and after a second step. The
   !> equation that picked the point holds.
   subroutine look_finer(self, solver, tolerance, first, second, status)
     class(error_estimate_type), intent(inout) :: self
@@ -126,19 +121,14 @@ contains
     type(second_step_type), intent(out) :: second
     !> 0, or not: the linearised step is singular
     integer, intent(out) :: status
-    real(wp) :: sampled, asked
-    integer :: harmonics, samples
+    real(wp) :: asked
+    integer :: harmonics
     logical :: is_new
 
     associate (balance => solver%context%balance)
-      sampled = count(balance%forces%state >= state_slipping .and. .not. goes_by_events(balance%law, balance%quadrature))
-      call balance%ranks%sum(sampled)
       asked = min(tolerance, nominal_tolerance)
       harmonics = self%resonances%highest(solver, longer_series(balance%receptance%harmonics), unknown_share*asked)
-      samples = balance%quadrature%fourier%samples
-      if (sampled > 0.0_wp) samples = densification*samples
-      if (any_sampled(solver)) samples = max(samples, 8*((2*harmonics + 9)/8))
-      call prepare(self%longer, solver, harmonics, samples)
+      if (self%longer%harmonics /= harmonics) call self%longer%set(harmonics, balance%quadrature)
       call solver%context%preconditioner%mean%prepare(balance)
       call self%longer%correct(solver, first, status)
     end associate
@@ -183,19 +173,6 @@ contains
     longer_series = max(least_longer, min(3*harmonics, max(harmonics + 20, harmonics + harmonics/2)))
   end function longer_series
 
-  !> Make a finer balance anew where it is not the one that is asked for.
-  subroutine prepare(finer, solver, harmonics, samples)
-    !> Balance with more harmonics or samples
-    type(finer_balance_type), intent(inout) :: finer
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> Highest harmonic, H; samples a period, J
-    integer, intent(in) :: harmonics, samples
-
-    if (finer%harmonics == harmonics .and. finer%quadrature%fourier%samples == samples) return
-    call finer%set(harmonics, samples, solver%context%balance%quadrature)
-  end subroutine prepare
-
   !> Coefficients of the monitors at the solver's present point [2 H + 1, monitors].
   function own_monitors(solver) result(own)
     !> Solver of points: its motion, sliders, angular frequency and balance
@@ -204,14 +181,6 @@ contains
 
     own = solver%context%balance%monitors%motion_of(solver%context%balance%response)
   end function own_monitors
-
-  !> Does any contact, of all ranks, go by samples?
-  pure logical function any_sampled(solver)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-
-    any_sampled = any(.not. goes_by_events(solver%contacts%law, solver%context%balance%quadrature))
-  end function any_sampled
 
   !> Give the transforms back.
   subroutine destroy(self)

@@ -14,23 +14,18 @@ module attrito_accuracy_finer_balance
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type, new_unknowns
   use attrito_balance_work, only: contact_work, residual_work
-  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact, goes_by_events
+  use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
   use attrito_contact_disc_rules, only: new_rough_rules
-  use attrito_contact_fourier, only: new_fourier
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_state, only: state_slipping
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: densification, finer_balance_type, finer_point_type, solve_for_estimate
+  public :: finer_balance_type, finer_point_type, solve_for_estimate
 
   !> Damping ratio of modes beyond H that have none of their own: it keeps their resonances finite
   real(wp), parameter :: nominal_ratio = 0.01_wp ! guess
-
-  !> A balance with so many times the samples shows what samples change. With twice as many, switches of a contact lie alike between
-  !> the samples of both too often, and both are wrong by the same
-  integer, parameter :: densification = 4 ! measured
 
   !> Residual of GMRES relative to the first step's right-hand side: an error needs two digits. A second step is a part of the first,
   !> and is not solved in vain
@@ -39,14 +34,13 @@ module attrito_accuracy_finer_balance
   type :: finer_balance_type
     !> K
     integer :: harmonics = 0
-    !> Its samples are asked for no gradient
+    !> What evaluations of all contacts share
     type(quadrature_type) :: quadrature
   contains
     procedure :: set
     procedure :: correct
     procedure :: respond_beyond
     procedure :: evaluate
-    procedure :: is_denser_for
     procedure :: destroy
   end type finer_balance_type
 
@@ -57,8 +51,6 @@ module attrito_accuracy_finer_balance
     real(wp) :: omega = 0.0_wp
     !> Coefficients of the monitors [2 K + 1, monitors]
     real(wp), allocatable :: monitors(:, :)
-    !> Part of what forces are changed by that is due to samples
-    real(wp) :: samples_share = 0.0_wp
     !> Size of the right-hand side of the step that led here
     real(wp) :: asked = 0.0_wp
     !> Response that these belong to [n, 0:K], and what start sliders that are unknowns have moved by [width, contacts]
@@ -77,18 +69,17 @@ module attrito_accuracy_finer_balance
 
 contains
 
-  !> For so many harmonics and samples.
-  subroutine set(self, harmonics, samples, quadrature)
+  !> For so many harmonics.
+  subroutine set(self, harmonics, quadrature)
     class(finer_balance_type), intent(inout) :: self
-    !> Highest harmonic, H; samples a period, J
-    integer, intent(in) :: harmonics, samples
-    !> Which contacts go by events: as with these
+    !> Highest harmonic, H
+    integer, intent(in) :: harmonics
+    !> What evaluations of the balance share
     type(quadrature_type), intent(in) :: quadrature
 
     call self%destroy()
     self%harmonics = harmonics
-    self%quadrature = quadrature_type(quadrature%by_events, order=quadrature%order, fourier=new_fourier(0, samples), &
-                                      grid=new_grid(quadrature%order*harmonics))
+    self%quadrature = quadrature_type(order=quadrature%order, grid=new_grid(quadrature%order*harmonics))
     if (allocated(quadrature%discs%grids)) self%quadrature%discs = new_rough_rules(harmonics)
   end subroutine set
 
@@ -103,12 +94,12 @@ contains
     integer, intent(out) :: status
     complex(wp), allocatable :: response(:, :)
     real(wp), allocatable :: deviation(:, :)
-    type(force_change_type) :: by_samples, change
+    type(force_change_type) :: change
 
     associate (balance => solver%context%balance)
       allocate (response(size(balance%response, 1), 0:self%harmonics), source=(0.0_wp, 0.0_wp))
       response(:, :balance%receptance%harmonics) = balance%response
-      call forces_at_own_motion(self, solver, deviation, by_samples)
+      call forces_at_own_motion(self, solver, deviation)
       call self%respond_beyond(solver, resized(solver%motion, 2*self%harmonics + 1), deviation, response)
       point%motion = resized(solver%motion, 2*self%harmonics + 1)
       if (self%harmonics > balance%receptance%harmonics) then
@@ -117,9 +108,6 @@ contains
         end associate
       end if
       call change_forces(self, solver, point%motion, change)
-      if (self%quadrature%fourier%samples >= densification*balance%quadrature%fourier%samples) then
-        call extrapolate_samples(solver, by_samples, change, point%samples_share)
-      end if
       call step(solver, change, response, point, status)
       if (status == 0) point%monitors = balance%monitors%motion_of(response)
       point%response = response
@@ -127,40 +115,32 @@ contains
     end associate
   end subroutine correct
 
-  !> Deviation at the balance's own motion, of which it has mostly kept as many harmonics, and what denser samples change of it.
-  subroutine forces_at_own_motion(self, solver, deviation, by_samples)
+  !> Deviation at the balance's own motion, of which it has mostly kept as many harmonics.
+  subroutine forces_at_own_motion(self, solver, deviation)
     class(finer_balance_type), intent(in) :: self
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Of this rank's rows [2 K + 1, rows]
     real(wp), allocatable, intent(out) :: deviation(:, :)
-    !> What denser samples change of the forces
-    type(force_change_type), intent(out) :: by_samples
     type(contact_forces_type) :: forces
-    integer :: i, k
+    integer :: i
 
     associate (balance => solver%context%balance)
-      k = balance%coefficients()
-      by_samples = no_change(solver)
       allocate (deviation(2*self%harmonics + 1, balance%rows()), source=0.0_wp)
       do i = 1, size(balance%law)
         if (balance%forces(i)%state < state_slipping) cycle
         associate (before => balance%forces(i), first => balance%law(i)%first_row, &
                    last => balance%law(i)%first_row + balance%law(i)%tangents)
-          if (size(before%deviation, 1) >= size(deviation, 1) .and. .not. self%is_denser_for(balance, i)) then
+          if (size(before%deviation, 1) >= size(deviation, 1)) then
             deviation(:, first:last) = before%deviation(:size(deviation, 1), :)
             cycle
           end if
           forces%deviation = deviation(:, first:last)
           call self%evaluate(solver, i, resized(solver%motion(:, first:last), size(deviation, 1)), before%slider, forces)
           deviation(:, first:last) = forces%deviation
-          if (.not. self%is_denser_for(balance, i)) cycle
-          by_samples%deviation(:, first:last) = forces%deviation(:k, :) - before%deviation(:k, :)
-          if (before%periodic) by_samples%released(:, i) = forces%moved - before%moved
         end associate
       end do
     end associate
-    call respond_to_change(solver, by_samples)
   end subroutine forces_at_own_motion
 
   !> A change by which nothing changes.
@@ -188,7 +168,6 @@ contains
       allocate (change%motion, source=0.0_wp*change%deviation)
       largest = 0.0_wp
       if (size(change%deviation) > 0) largest = maxval(abs(change%deviation))
-      ! Where all contacts go by events, samples change nothing.
       if (.not. balance%ranks%largest(largest) > 0.0_wp) return
       call balance%respond_to_deviation(change%deviation, change%response)
       change%motion = balance%recover(change%response)
@@ -253,21 +232,9 @@ contains
     associate (balance => solver%context%balance, law => solver%context%balance%law(contact))
       forces%without_jacobian = .true.
       call evaluate_contact(law, self%quadrature, motion, slider, balance%forces(contact)%periodic, forces)
-      balance%work = balance%work + contact_work(law, size(motion, 1), self%quadrature, .true.)
+      balance%work = balance%work + contact_work(law, size(motion, 1), .true.)
     end associate
   end subroutine evaluate
-
-  !> Does a contact go by more samples here than in the balance?
-  pure logical function is_denser_for(self, balance, contact)
-    class(finer_balance_type), intent(in) :: self
-    !> Harmonic balance: loads, contacts, receptance and its last residual
-    type(balance_type), intent(in) :: balance
-    !> Number of the contact
-    integer, intent(in) :: contact
-
-    is_denser_for = self%quadrature%fourier%samples > balance%quadrature%fourier%samples .and. &
-                    .not. goes_by_events(balance%law(contact), balance%quadrature)
-  end function is_denser_for
 
   !> What the finer balance's forces differ by at the harmonics up to H, and where its periodic sliders would go.
   subroutine change_forces(self, solver, motion, change)
@@ -298,31 +265,6 @@ contains
     end associate
     call respond_to_change(solver, change)
   end subroutine change_forces
-
-  !> The part of a change of the forces that is due to samples. It is extrapolated: the error falls like the square of their number.
-  subroutine extrapolate_samples(solver, by_samples, change, share)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-    !> What denser samples change of the forces
-    type(force_change_type), intent(in) :: by_samples
-    !> The same by harmonics and samples together
-    type(force_change_type), intent(inout) :: change
-    !> Of samples in the motion that both parts by themselves make
-    real(wp), intent(out) :: share
-    !> What the denser balance's own error adds: s^-2/(1 - s^-2)
-    real(wp), parameter :: rest = 1.0_wp/(densification**2 - 1.0_wp) ! derived
-    real(wp) :: harmonics, samples
-
-    associate (balance => solver%context%balance)
-      harmonics = balance%norm(change%motion - by_samples%motion)
-      samples = (1.0_wp + rest)*balance%norm(by_samples%motion)
-    end associate
-    share = samples/max(samples + harmonics, tiny(1.0_wp))
-    change%deviation = change%deviation + rest*by_samples%deviation
-    change%released = change%released + rest*by_samples%released
-    change%response = change%response + rest*by_samples%response
-    change%motion = change%motion + rest*by_samples%motion
-  end subroutine extrapolate_samples
 
   !> One linearised step at the equation that picked the point, for a change of the forces.
   subroutine step(solver, change, response, point, status)
@@ -400,7 +342,6 @@ contains
   subroutine destroy(self)
     class(finer_balance_type), intent(inout) :: self
 
-    call self%quadrature%fourier%destroy()
     call self%quadrature%discs%destroy()
   end subroutine destroy
 end module attrito_accuracy_finer_balance

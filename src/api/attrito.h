@@ -42,7 +42,6 @@ typedef struct {
     int max_iterations;
     int reset_slider;
     int uncoupled;
-    int by_events;
     int choose_harmonics;
     int integrate_in_time;
     double tolerance;

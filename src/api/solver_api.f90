@@ -31,7 +31,7 @@ module attrito_api_solver
   public :: options_type, point_type, point_of
 
   type, bind(c) :: options_type
-    integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled, by_events
+    integer(c_int) :: harmonics, samples, rounds, max_iterations, reset_slider, uncoupled
     integer(c_int) :: choose_harmonics
     !> May starts come from integration in time?
     integer(c_int) :: integrate_in_time
@@ -184,7 +184,7 @@ contains
     call new_solver(session%structure, session%contacts, session%ranks, solver_options_type( &
                     harmonics=options%harmonics, samples=options%samples, rounds=options%rounds, &
                     max_iterations=options%max_iterations, reset_slider=options%reset_slider /= 0, &
-                    uncoupled=options%uncoupled /= 0, by_events=options%by_events /= 0, &
+                    uncoupled=options%uncoupled /= 0, &
                     tolerance=options%tolerance), &
                     session%solver, error)
     attrito_prepare = report_error(error, message)

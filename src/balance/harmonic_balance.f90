@@ -160,7 +160,7 @@ contains
     do i = 1, size(self%law)
       call self%evaluate_forces(i, motion(:, self%law(i)%first_row:self%law(i)%first_row + self%law(i)%tangents))
       if (allocated(self%forces(i)%jacobian)) then
-        self%work = self%work + contact_work(self%law(i), self%coefficients(), self%quadrature, .false.)
+        self%work = self%work + contact_work(self%law(i), self%coefficients(), .false.)
       end if
     end do
     call self%active%find(self%law, self%forces, self%contact_rows)
@@ -457,6 +457,5 @@ contains
   subroutine destroy(self)
     class(balance_type), intent(inout) :: self
 
-    call self%quadrature%fourier%destroy()
   end subroutine destroy
 end module attrito_balance_harmonic_balance

@@ -11,8 +11,6 @@ module attrito_balance_set_up
   use attrito_model_contacts, only: contacts_type, slider_width
   use attrito_model_structure, only: structure_type
   use attrito_contact_disc_rules, only: new_disc_rules
-  use attrito_contact_evaluation, only: goes_by_events
-  use attrito_contact_fourier, only: new_fourier
   use attrito_contact_trigonometric_roots, only: new_grid
   use attrito_balance_active_rows, only: active_rows_type
   use attrito_linear_rigid_body_modes, only: new_rigid_body_modes
@@ -26,7 +24,7 @@ module attrito_balance_set_up
 contains
 
   !> Spread the contacts over ranks and make room.
-  subroutine new_balance(structure, contacts, receptance, ranks, samples, self)
+  subroutine new_balance(structure, contacts, receptance, ranks, self)
     !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
     !> All contacts: laws and directions
@@ -35,8 +33,6 @@ contains
     class(receptance_type), allocatable, intent(inout) :: receptance
     !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
-    !> Samples a period
-    integer, intent(in) :: samples
     type(balance_type), intent(out) :: self
     integer :: first, last
 
@@ -48,22 +44,22 @@ contains
     self%free = new_rigid_body_modes(structure, contacts)
     allocate (self%static_factors(size(structure%static_loads, 2)), source=1.0_wp)
     self%quadrature%order = order_of(contacts)
-    call set_series(self, structure, self%receptance%harmonics, samples)
+    call set_series(self, structure, self%receptance%harmonics)
+    if (any(contacts%law%tangents == 2)) self%quadrature%discs = new_disc_rules(self%receptance%harmonics)
     allocate (self%response(size(self%static_loads, 1), 0:self%receptance%harmonics))
     allocate (self%response_omega, mold=self%response)
     call take_contacts(self, contacts, first, last)
   end subroutine new_balance
 
-  !> What belongs to a length of the series: transforms, the grid of roots, harmonics of the load.
-  subroutine set_series(self, structure, harmonics, samples)
+  !> What belongs to a length of the series: the grid of roots, harmonics of the load.
+  subroutine set_series(self, structure, harmonics)
     type(balance_type), intent(inout) :: self
     !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
-    !> Highest harmonic, H; samples a period, J
-    integer, intent(in) :: harmonics, samples
+    !> Highest harmonic, H
+    integer, intent(in) :: harmonics
     integer :: given, h
 
-    call set_samples(self, harmonics, samples)
     self%quadrature%grid = new_grid(self%quadrature%order*harmonics)
     if (allocated(self%quadrature%discs%grids)) self%quadrature%discs = new_disc_rules(harmonics)
     if (allocated(self%harmonic_load)) deallocate (self%harmonic_load)
@@ -81,34 +77,19 @@ contains
     order_of = merge(1, 2, all(contacts%law%is_proportional()))
   end function order_of
 
-  !> Transforms; where all contacts go by events they serve nothing, and only what is not there yet is made.
-  subroutine set_samples(self, harmonics, samples)
-    type(balance_type), intent(inout) :: self
-    !> Highest harmonic, H; samples a period, J
-    integer, intent(in) :: harmonics, samples
-    logical :: needed
-
-    needed = .not. allocated(self%law)
-    if (.not. needed) needed = any(.not. goes_by_events(self%law, self%quadrature)) &
-                               .or. self%quadrature%fourier%samples /= samples
-    if (.not. needed) return
-    call self%quadrature%fourier%destroy()
-    self%quadrature%fourier = new_fourier(harmonics, samples)
-  end subroutine set_samples
-
-  !> Go on with another length of the series and other samples. Sliders stay; response and deviation keep the harmonics that both
+  !> Go on with another length of the series. Sliders stay; response and deviation keep the harmonics that both
   !> lengths have; residual and Jacobian are to be evaluated anew.
-  subroutine set_resolution(self, structure, harmonics, samples)
+  subroutine set_resolution(self, structure, harmonics)
     type(balance_type), intent(inout) :: self
     !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
-    !> Highest harmonic, H; samples a period, J
-    integer, intent(in) :: harmonics, samples
+    !> Highest harmonic, H
+    integer, intent(in) :: harmonics
     complex(wp), allocatable :: response(:, :)
     integer :: i, common
 
     call self%receptance%set_harmonics(harmonics)
-    call set_series(self, structure, harmonics, samples)
+    call set_series(self, structure, harmonics)
     common = min(ubound(self%response, 2), harmonics)
     allocate (response(size(self%response, 1), 0:harmonics), source=(0.0_wp, 0.0_wp))
     response(:, :common) = self%response(:, :common)
@@ -127,7 +108,7 @@ contains
   pure integer function deviation_coefficients(self)
     type(balance_type), intent(in) :: self
 
-    deviation_coefficients = 2*min(3*self%receptance%harmonics, (self%quadrature%fourier%samples - 1)/2) + 1
+    deviation_coefficients = 6*self%receptance%harmonics + 1
   end function deviation_coefficients
 
   !> Let this rank hold these contacts, with sliders at zero.

@@ -1,8 +1,7 @@
 !> Work counted rather than timed: floating-point operations by formulas, the same on every machine. With k = 2 H + 1 coefficients a
-!> row, J samples, m rows of contacts, n generalised coordinates, and a active unknowns:
+!> row, m rows of contacts, n generalised coordinates, and a active unknowns:
 !>
 !>     contact by events            168 k^2                 (8 intervals of a period, Jacobian included; its forces alone a quarter)
-!>     contact by samples           4 k^2 J, with two tangents 12 k^2 J + 28 k J; its forces alone 4 k J a row
 !>     contact with two tangents by events
 !>                                  n (12 k^2 + 48 k + 600), with n = 5 k nodes of slip; its forces alone, by rough
 !>                                  rules, n (7 k + 600), with n = 2 k
@@ -15,7 +14,6 @@
 module attrito_balance_work
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
-  use attrito_contact_evaluation, only: quadrature_type, goes_by_events
   implicit none
   private
   public :: contact_work, residual_work, step_work
@@ -23,31 +21,21 @@ module attrito_balance_work
 contains
 
   !> Forces of one contact that slips or opens, and their Jacobian.
-  pure real(wp) function contact_work(law, coefficients, quadrature, without_jacobian)
+  pure real(wp) function contact_work(law, coefficients, without_jacobian)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> Of a row of the motion
     integer, intent(in) :: coefficients
-    !> What evaluations of all contacts share
-    type(quadrature_type), intent(in) :: quadrature
     logical, intent(in) :: without_jacobian
     real(wp) :: k
 
     k = coefficients
-    if (goes_by_events(law, quadrature)) then
-      if (law%tangents == 1) then
-        contact_work = merge(42.0_wp, 168.0_wp, without_jacobian)*k**2
-      else if (without_jacobian) then
-        contact_work = 2.0_wp*k*(7.0_wp*k + 600.0_wp)
-      else
-        contact_work = 5.0_wp*k*(12.0_wp*k**2 + 48.0_wp*k + 600.0_wp)
-      end if
+    if (law%tangents == 1) then
+      contact_work = merge(42.0_wp, 168.0_wp, without_jacobian)*k**2
     else if (without_jacobian) then
-      contact_work = 4.0_wp*k*(law%tangents + 1)*quadrature%fourier%samples
-    else if (law%tangents == 2) then
-      contact_work = 12.0_wp*k**2*quadrature%fourier%samples + 28.0_wp*k*quadrature%fourier%samples
+      contact_work = 2.0_wp*k*(7.0_wp*k + 600.0_wp)
     else
-      contact_work = 4.0_wp*k**2*quadrature%fourier%samples
+      contact_work = 5.0_wp*k*(12.0_wp*k**2 + 48.0_wp*k + 600.0_wp)
     end if
     contact_work = law%elements()*contact_work
   end function contact_work

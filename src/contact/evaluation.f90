@@ -1,29 +1,21 @@
 !> Forces of one contact: by events, exact along one tangent, and along two as exact as the panels of slip are. A law of several
 !> elements in parallel is evaluated one element after another.
-!>
-!> By samples all contacts go together or none does; they serve comparisons.
 module attrito_contact_evaluation
   use attrito_core_kinds, only: wp
   use attrito_model_contacts, only: contact_type
   use attrito_contact_disc_rules, only: disc_rules_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck
-  use attrito_contact_fourier, only: fourier_type
   use attrito_contact_parallel_elements, only: begin_sum, add_element, complete_sum
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
   use attrito_contact_stuck_bound, only: is_stuck_by_bound
   use attrito_contact_trigonometric_roots, only: trigonometric_grid_type
   implicit none
   private
-  public :: quadrature_type, evaluate_contact, goes_by_events
+  public :: quadrature_type, evaluate_contact
 
   !> What evaluations of all contacts share
   type :: quadrature_type
-    !> Events, exact, rather than samples wherever a contact has them
-    logical :: by_events = .false.
-    !> Transforms between samples and coefficients
-    type(fourier_type) :: fourier
     !> One tangent: where roots are looked for
     type(trigonometric_grid_type) :: grid
     !> Two tangents: the same, and panels of slip
@@ -33,16 +25,6 @@ module attrito_contact_evaluation
   end type quadrature_type
 
 contains
-
-  !> Does a contact go by events?
-  elemental logical function goes_by_events(law, quadrature)
-    !> Contact: its springs and its law
-    type(contact_type), intent(in) :: law
-    !> What evaluations of all contacts share
-    type(quadrature_type), intent(in) :: quadrature
-
-    goes_by_events = quadrature%by_events
-  end function goes_by_events
 
   !> Forces and Jacobian of one contact.
   subroutine evaluate_contact(law, quadrature, motion, slider, periodic, forces)
@@ -65,7 +47,7 @@ contains
     else if (.not. allocated(forces%mean_before) .and. is_stuck_by_bound(law, motion, slider)) then
       call stay_stuck(law, slider, size(motion, 1), forces)
     else
-      call evaluate_elements(law, quadrature, motion, slider, periodic, forces)
+      call evaluate_elements(law, quadrature, motion, slider, forces)
     end if
     unused = size(slider) - size(forces%slider)
     if (unused <= 0) return
@@ -74,15 +56,13 @@ contains
   end subroutine evaluate_contact
 
   !> The same of several elements in parallel. Sliders along two tangents are found in the evaluation: they are no unknowns here.
-  subroutine evaluate_elements(law, quadrature, motion, slider, periodic, forces)
+  subroutine evaluate_elements(law, quadrature, motion, slider, forces)
     !> Contact: its springs and its law
     type(contact_type), intent(in) :: law
     !> What evaluations of all contacts share
     type(quadrature_type), intent(in) :: quadrature
     !> As above
     real(wp), intent(in) :: motion(:, :), slider(:)
-    !> Is the slider to return after one period?
-    logical, intent(in) :: periodic
     !> Forces of one contact over the period, and their derivatives
     type(contact_forces_type), intent(inout) :: forces
     type(contact_forces_type) :: own
@@ -94,8 +74,7 @@ contains
     allocate (own%deviation, mold=forces%deviation)
     call begin_sum(law, size(motion, 1), forces)
     do i = 1, law%elements()
-      call evaluate_element(law%element(i), quadrature, motion, slider(2*i - 1:2*i), &
-                            periodic .and. .not. goes_by_events(law, quadrature), own)
+      call evaluate_element(law%element(i), quadrature, motion, slider(2*i - 1:2*i), .false., own)
       call add_element(law, i, own, forces)
     end do
     call complete_sum(law, forces)
@@ -115,9 +94,7 @@ contains
     type(contact_forces_type), intent(inout) :: forces
 
     forces%closed_here = .false.
-    if (.not. goes_by_events(law, quadrature)) then
-      call evaluate_contact_by_samples(law, quadrature%fourier, motion, slider, periodic, forces)
-    else if (law%tangents == 1) then
+    if (law%tangents == 1) then
       call evaluate_contact_by_events(law, quadrature%grid, motion, slider(1), forces)
     else
       call evaluate_contact_by_disc_events(law, quadrature%discs, motion, slider, periodic, forces)

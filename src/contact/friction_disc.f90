@@ -16,7 +16,7 @@ module attrito_contact_friction_disc
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open
   implicit none
   private
-  public :: slide_on_disc, differentiate_slide_on_disc, set_out_type
+  public :: differentiate_slide_on_disc, set_out_type
 
   !> Where a period begins: displacement and radius, and their gradients, as at samples
   type :: set_out_type
@@ -35,46 +35,10 @@ module attrito_contact_friction_disc
 
 contains
 
-  !> March one period, from the last sample, or from elsewhere, to the last sample.
-  subroutine slide_on_disc(u, r, w, slider, regimes, from)
-    !> Relative displacement [J, 2] and slip radius [J], negative by mu / k_t times what is missing to contact where open
-    real(wp), intent(in) :: u(:, :), r(:)
-    !> Slider at the start, then at the end [2]
-    real(wp), intent(inout) :: w(2)
-    !> Slider after each sample [J, 2]
-    real(wp), intent(out) :: slider(:, :)
-    !> Regime at each sample [J]
-    integer, intent(out) :: regimes(:)
-    !> Where the period begins; the last sample unless given
-    type(set_out_type), intent(in), optional :: from
-    type(slip_type) :: slip
-    type(step_type) :: step
-    logical :: entered
-    real(wp) :: u_a(2), r_a
-    integer :: j, last
-
-    last = size(r)
-    u_a = u(last, :)
-    r_a = r(last)
-    if (present(from)) then
-      u_a = from%u
-      r_a = from%r
-    end if
-    call enter_disc(u_a, r_a, w, slip, entered)
-    step%on_rim = entered
-    call advance(u_a, u(1, :), r_a, r(1), w, slip, step, regimes(1))
-    if (entered .and. regimes(1) == regime_stick) regimes(1) = regime_slip
-    slider(1, :) = w
-    do j = 2, last
-      call advance(u(j - 1, :), u(j, :), r(j - 1), r(j), w, slip, step, regimes(j))
-      slider(j, :) = w
-    end do
-  end subroutine slide_on_disc
-
-  !> The same, and the slider's gradient d w / d p is carried with it, for parameters p: first those of the motion, then the start
-  !> slider's.
+  !> March one period, from the last sample, or from elsewhere, to the last sample. The slider's gradient d w / d p is carried with
+  !> it, for parameters p: first those of the motion, then the start slider's.
   subroutine differentiate_slide_on_disc(u, r, basis, slope, w, gradient, slider, gradients, regimes, from)
-    !> As above
+    !> Relative displacement [J, 2] and slip radius [J], negative by mu / k_t times what is missing to contact where open
     real(wp), intent(in) :: u(:, :), r(:)
     !> Gradient of any displacement by its own parameters [k, J], and of the radius by the normal one [J]
     real(wp), intent(in), contiguous :: basis(:, :)

@@ -9,14 +9,12 @@
 !> last one, and by a sweep about it where that fails (attrito_peak_local_sweep). The peak may jump there.
 module attrito_peak_curve
   use attrito_core_kinds, only: wp
-  use attrito_contact_evaluation, only: goes_by_events
   use attrito_newton_newton, only: newton_report_type
   use attrito_solve_strategies, only: solve_by_strategies
   use attrito_solve_snapshot, only: snapshot_type, snapshot_of, restore
   use attrito_solve_solver, only: solver_type
   use attrito_peak_climb, only: climb, ripple
   use attrito_peak_local_sweep, only: sweep_for_peak
-  use attrito_peak_highest_maximum, only: climb_to_highest
   use attrito_peak_condition, only: problem_type, linearisation_type, linearise, value_of, set_value
   use attrito_peak_corrector, only: plane_type, correct, relative_size
   use attrito_peak_curve_tangent, only: curve_tangent_type
@@ -29,7 +27,6 @@ module attrito_peak_curve
   !> Relative changes from prediction to correction, aimed at and accepted
   real(wp), parameter :: aimed_error = 0.04_wp, accepted_error = 0.2_wp ! guess
   !> The same where peaks are climbed to, from afar too
-  real(wp), parameter :: aimed_climb = 0.2_wp, accepted_climb = 1.0_wp ! guess
   !> The curve has a kink where contacts that all stuck begin to slip: accepted there
   real(wp), parameter :: accepted_at_kink = 1.0_wp ! guess
   !> Steps along the curve, relative changes too
@@ -73,7 +70,6 @@ module attrito_peak_curve
     procedure :: correct_here
     procedure :: find_near
     procedure :: sweep_here
-    procedure :: take_highest
     procedure :: curvature
   end type curve_type
 
@@ -88,10 +84,6 @@ contains
 
     start = base_point_of(self, solver)
     call self%correct_here(solver)
-    if (climbs(solver)) then
-      if (self%found) call take_highest(self, solver)
-      return
-    end if
     ! Newton's method finds minima as well.
     if (self%found) self%found = self%curvature() < 0.0_wp
     if (self%found) return
@@ -171,7 +163,6 @@ contains
     if (self%found) self%leap = leaps(1)
     if (self%stepped_over .and. self%may_step_over) call step_over(self, solver, before, stop, iterations, reached)
     self%iterations = iterations
-    if (self%found .and. reached) call take_highest(self, solver)
   end subroutine advance
 
   !> A step along the curve, halved until it is solved near its prediction and leads on towards the stop.
@@ -188,13 +179,11 @@ contains
     !> Has it come to the end?
     logical, intent(out) :: reached
     type(plane_type) :: plane
-    real(wp) :: error, length, aimed, accepted
+    real(wp) :: error, length, accepted
     logical :: stuck
 
     stuck = solver%all_stick
-    aimed = merge(aimed_climb, aimed_error, climbs(solver))
-    accepted = merge(accepted_climb, accepted_error, climbs(solver))
-    if (stuck) accepted = accepted_at_kink
+    accepted = merge(accepted_at_kink, accepted_error, stuck)
     iterations = 0
     do
       call solve_in_plane(self, solver, before, stop, stuck, length, plane, reached)
@@ -204,7 +193,7 @@ contains
         iterations = iterations + self%iterations
         ! A maximum stays one.
         if (self%found) self%found = error < accepted .and. leads_on(before%parameter, value_of(self%problem, solver), stop) &
-                                     .and. (climbs(solver) .or. self%point%slope_along*before%linearisation%slope_along > 0.0_wp)
+                                     .and. self%point%slope_along*before%linearisation%slope_along > 0.0_wp
       end if
       if (self%found) exit
       self%step = 0.5_wp*min(self%step, length)
@@ -226,7 +215,7 @@ contains
     end if
     call self%tangent%find(self%problem, solver, self%point, merge(0.0_wp, length, stuck))
     ! A step cut short by its end says little of the next.
-    if (.not. reached) self%step = min(self%step*min(max(sqrt(aimed/max(error, 1.0e-12_wp)), 0.4_wp), 2.0_wp), largest_step)
+    if (.not. reached) self%step = min(self%step*min(max(sqrt(aimed_error/max(error, 1.0e-12_wp)), 0.4_wp), 2.0_wp), largest_step)
   end subroutine step_along
 
   !> The peak at a value of the parameter farther on, wherever it is.
@@ -298,7 +287,7 @@ contains
       call self%tangent%predict(self%problem, solver, before, before%parameter, length, plane)
       call set_value(self%problem, solver, stop)
     end if
-    if (stuck .or. reached .or. climbs(solver)) plane = plane_type(value=value_of(self%problem, solver))
+    if (stuck .or. reached) plane = plane_type(value=value_of(self%problem, solver))
   end subroutine solve_in_plane
 
   !> The peak at a value of the parameter, from the one before with all that there is: the strategies, climbing, and a sweep.
@@ -387,27 +376,13 @@ contains
     moved = solver%motion
     omega = solver%omega
     parameter = value_of(self%problem, solver)
-    if (climbs(solver)) then
-      call climb_here(self, solver, early_stop)
-    else
-      self%at_corner = .false.
-      call correct(self%problem, solver, plane, self%point, self%iterations, self%found)
-      self%found = self%found .and. is_in_band(self, solver)
-    end if
+    self%at_corner = .false.
+    call correct(self%problem, solver, plane, self%point, self%iterations, self%found)
+    self%found = self%found .and. is_in_band(self, solver)
     moved = solver%motion - moved
     moved(1, :) = 0.0_wp
     error = relative_size(solver, moved, solver%omega - omega, value_of(self%problem, solver)/parameter - 1.0_wp)
   end subroutine correct_from
-
-  !> Is Newton's method on the peak of no use? Of samples along two tangents the Jacobian jumps too often.
-  pure logical function climbs(solver)
-    !> Solver of points: its motion, sliders, angular frequency and balance
-    type(solver_type), intent(in) :: solver
-
-    associate (law => solver%contacts%law)
-      climbs = any(law%tangents == 2 .and. .not. goes_by_events(law, solver%context%balance%quadrature))
-    end associate
-  end function climbs
 
   !> The peak uphill from the solver's motion and frequency.
   subroutine climb_here(self, solver, early_stop)
@@ -435,7 +410,7 @@ contains
 
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
-    if (.not. self%found .or. self%at_corner .or. climbs(solver)) return
+    if (.not. self%found .or. self%at_corner) return
     before = base_point_of(self, solver)
     report = solver%report
     call correct(self%problem, solver, plane_type(value=before%parameter), self%point, iterations, found)
@@ -449,36 +424,6 @@ contains
     call linearise(self%problem, solver, self%point, status)
     self%found = status == 0
   end subroutine close_up
-
-  !> From a maximum of a sampled peak to the highest one about it.
-  subroutine take_highest(self, solver)
-    class(curve_type), intent(inout) :: self
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    type(base_point_type) :: before
-    type(newton_report_type) :: report
-    logical :: moved, corner
-    integer :: status
-
-    if (.not. climbs(solver)) return
-    before = base_point_of(self, solver)
-    report = solver%report
-    corner = self%at_corner
-    call climb_to_highest(self%problem, solver, self%iterations, moved, corner)
-    moved = moved .and. is_in_band(self, solver)
-    if (moved) then
-      self%at_corner = corner
-    else
-      call go_back(self, solver, before)
-      solver%report = report
-    end if
-    ! The balance was evaluated elsewhere.
-    call linearise(self%problem, solver, self%point, status)
-    self%found = status == 0
-    if (.not. moved) return
-    call self%tangent%forget()
-    if (self%found) call self%tangent%find(self%problem, solver, self%point, 0.0_wp)
-  end subroutine take_highest
 
   !> Does the solver's frequency lie in the band in which the peak is looked for?
   pure logical function is_in_band(self, solver)

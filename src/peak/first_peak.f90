@@ -74,7 +74,6 @@ contains
     call restore(solver, start)
     solver%omega = merge(last%omega, omega, drifts)
     call self%sweep_here(solver, drifts)
-    if (self%found) call self%take_highest(solver)
     if (self%found .or. self%ending /= ending_not_found .or. .not. begun) return
     self = way
     call set_value(self%problem, solver, level)

@@ -14,7 +14,6 @@ module attrito_peak_frequency_slopes
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
-  use attrito_contact_evaluation, only: goes_by_events
   use attrito_newton_linearised_step, only: follow_sliders
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_peak_amplitude, only: amplitude_type, amplitude_of, half_range
@@ -94,15 +93,15 @@ contains
   logical function has_second_derivatives(balance) result(has)
     !> Harmonic balance, evaluated at the point
     type(balance_type), intent(in) :: balance
-    real(wp) :: sampled
+    real(wp) :: bent
     integer :: i
 
-    sampled = 0.0_wp
+    bent = 0.0_wp
     do i = 1, size(balance%law)
       if (.not. allocated(balance%forces(i)%jacobian)) cycle
-      if (.not. (goes_by_events(balance%law(i), balance%quadrature) .and. balance%law(i)%is_proportional())) sampled = 1.0_wp
+      if (.not. balance%law(i)%is_proportional()) bent = 1.0_wp
     end do
-    has = .not. balance%ranks%largest(sampled) > 0.0_wp
+    has = .not. balance%ranks%largest(bent) > 0.0_wp
   end function has_second_derivatives
 
   !> What changes q_omega,omega by itself [n, 0:H].

@@ -57,8 +57,7 @@ contains
         if (again > error) error = again
       end if
     end if
-    errors%samples = first%samples_share*error
-    errors%harmonics = error - errors%samples
+    errors%harmonics = error
   end subroutine estimate_mode_errors
 
   !> The largest relative change of omega, xi and the monitors where a finer balance responds like this; NaN where it is not known.

@@ -1,12 +1,13 @@
 !> Second derivative of all contacts' forces: how the Jacobian D changes along a motion t, times motions x.
 !>
-!> By events it is exact (attrito_contact_second_derivative). Elsewhere none is known: it is the central difference of the exact
-!> Jacobian along t, whose error is of second order in the step and enters no solution, only the rate of Newton's method.
+!> It is exact where the limit of friction is proportional to N (attrito_contact_second_derivative). Elsewhere none is known: it is
+!> the central difference of the exact Jacobian along t, whose error is of second order in the step and enters no solution, only
+!> the rate of Newton's method.
 module attrito_peak_second_derivative
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type
   use attrito_balance_unknowns, only: unknowns_type
-  use attrito_contact_evaluation, only: evaluate_contact, goes_by_events
+  use attrito_contact_evaluation, only: evaluate_contact
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_second_derivative, only: differentiate_element_twice
   use attrito_contact_second_derivative_disc, only: start_slider_type
@@ -41,7 +42,7 @@ contains
         last = first + law%tangents
         columns = reshape([(directions(n)%motion(:, first:last), n=1, size(directions))], [k*(law%tangents + 1), size(directions)])
         allocate (product, mold=columns)
-        done = goes_by_events(law, balance%quadrature) .and. law%is_proportional()
+        done = law%is_proportional()
         if (done) call sum_elements(balance, motion(:, first:last), i, along, directions, columns, product, done)
         if (.not. done) product = difference(balance, motion, i, along, columns)
         do n = 1, size(directions)
@@ -52,7 +53,7 @@ contains
     end do
   end subroutine differentiate_twice
 
-  !> Of one contact by events, all its elements together; what its normal spring adds is the same of each.
+  !> Of one contact, all its elements together; what its normal spring adds is the same of each.
   subroutine sum_elements(balance, motion, contact, along, directions, columns, product, done)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance
@@ -92,7 +93,7 @@ contains
     end associate
   end subroutine sum_elements
 
-  !> (D(d + e t) - D(d - e t)) x/(2 e) of one contact by samples, its slider going with the motion.
+  !> (D(d + e t) - D(d - e t)) x/(2 e) of one contact, its slider going with the motion.
   function difference(balance, motion, contact, along, columns) result(product)
     !> Harmonic balance: loads, contacts, receptance and its last residual
     type(balance_type), intent(in) :: balance

@@ -5,7 +5,6 @@ module attrito_solve_solver
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
   use attrito_core_trigonometric, only: resized
-  use attrito_contact_disc_rules, only: new_disc_rules
   use attrito_model_contacts, only: contact_type, contacts_type
   use attrito_model_structure, only: structure_type
   use attrito_newton_border, only: constraint_type
@@ -43,8 +42,6 @@ module attrito_solve_solver
     logical :: reset_slider = .false.
     !> Freeze the mean at the static solution
     logical :: uncoupled = .false.
-    !> Contacts by events rather than by samples
-    logical :: by_events = .false.
   end type solver_options_type
 
   type :: solver_type
@@ -116,9 +113,7 @@ contains
     if (allocated(error)) return
     call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
     allocate (self%context)
-    call new_balance(structure, contacts, receptance, ranks, options%samples, self%context%balance)
-    self%context%balance%quadrature%by_events = options%by_events
-    if (any(contacts%law%tangents == 2)) self%context%balance%quadrature%discs = new_disc_rules(options%harmonics)
+    call new_balance(structure, contacts, receptance, ranks, self%context%balance)
     self%context%tolerance = options%tolerance
     call new_newton(self%context, self%newton)
     if (self%context%petsc_error /= 0) then
@@ -382,7 +377,7 @@ contains
     if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
     self%options%harmonics = harmonics
     self%options%samples = samples
-    call set_resolution(self%context%balance, self%structure, harmonics, samples)
+    call set_resolution(self%context%balance, self%structure, harmonics)
     self%motion = resized(self%motion, 2*harmonics + 1)
     associate (constraint => self%context%constraint)
       if (allocated(constraint%motion)) constraint%motion = resized(constraint%motion, 2*harmonics + 1)

@@ -75,7 +75,7 @@ def test_the_whole_wheel_has_a_node_on_the_axis_once(sectors):
 
 def points_of(scene, frequencies=FREQUENCIES):
     """Points and motion of all coordinates at the frequencies."""
-    options = Options(harmonics=3, samples=120, by_events=True, tolerance=1e-13)
+    options = Options(harmonics=3, samples=120, tolerance=1e-13)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 10, frequencies[0])
         return [(point, solver.coordinates()) for point in solver.solve_at(frequencies, LEVEL, 0)]

@@ -52,7 +52,7 @@ def test_a_mode_that_sticks_has_the_backbone_of_the_linear_one(kind):
     }
     scene = replace(scene, damping_kind=kind, damping_value=value, damping=scene.damping if kind == "viscous" else None)
     # Of the stuck modes the normal one, at sqrt(2), is the second: sqrt(1.5) is the mass's own.
-    with backbone(scene, Options(harmonics=3, by_events=True, tolerance=1e-12), 0.1) as (_, tracker):
+    with backbone(scene, Options(harmonics=3, tolerance=1e-12), 0.1) as (_, tracker):
         point = tracker.begin()
         assert point.converged and sum(point.point.states[2:]) == 0
         assert 2.0 * np.pi * point.frequency_hz == pytest.approx(omega, rel=1e-11)
@@ -62,7 +62,7 @@ def test_a_mode_that_sticks_has_the_backbone_of_the_linear_one(kind):
 
 
 def test_the_backbone_of_a_mass_that_rubs_is_that_of_the_describing_function():
-    with backbone(jenkins(), Options(harmonics=1, by_events=True, tolerance=1e-12), 1.0) as (_, tracker):
+    with backbone(jenkins(), Options(harmonics=1, tolerance=1e-12), 1.0) as (_, tracker):
         tracker.begin()
         for modal_amplitude in (1.5, 3.0, 6.0, 40.0, 4.0):
             point = tracker.at(modal_amplitude)
@@ -89,7 +89,7 @@ def beside_an_open_contact() -> ReducedScene:
 
 def test_a_backbone_begins_at_the_tangent_mode_where_pairs_are_open_at_rest():
     levels, path = (0.01, 0.5, 3.0), np.array([[1.0]])
-    options = Options(harmonics=1, by_events=True, tolerance=1e-12)
+    options = Options(harmonics=1, tolerance=1e-12)
     with Solver(MPI.COMM_SELF, beside_an_open_contact(), options) as solver:
         solver.follow_static_path(path, 1, 0.2)
         stuck, tangent = (solver.linear_modes(name, 2) for name in ("stuck", "tangent"))
@@ -158,7 +158,7 @@ def test_a_backbone_solves_the_forced_balance_that_its_negative_damping_makes(sc
     reduced, options, amplitude = {
         "inclined wall": (
             Wedge(PARAMETER_SETS["unrounded"], 45.0, "C", 5).scene,
-            Options(harmonics=5, by_events=True, tolerance=1e-12),
+            Options(harmonics=5, tolerance=1e-12),
             0.4,
         ),
         "two tangents": (in_the_plane(), Options(harmonics=4, samples=128, tolerance=1e-12), 8.0),
@@ -190,7 +190,7 @@ def test_a_backbone_solves_the_forced_balance_that_its_negative_damping_makes(sc
 
 def test_a_backbone_tells_the_true_peaks_to_the_square_of_the_damping():
     path = np.array([[1.0]])
-    options = Options(harmonics=1, by_events=True, tolerance=1e-12)
+    options = Options(harmonics=1, tolerance=1e-12)
     with Solver(MPI.COMM_SELF, jenkins(), options) as solver:
         solver.follow_static_path(path, 1, 0.2)
         tracker = PeakTracker(solver, 0, "first_harmonic", (0.13, 0.25), np.ones(1))

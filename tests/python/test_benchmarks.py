@@ -71,7 +71,7 @@ def test_a_strategy_that_is_left_out_is_missed_where_it_alone_solves_a_point():
     assert {row["points"] for row in rows.values()} == {2}
     # Contacts that are soft at first find what no other strategy does (test_torture.py): here with it and without.
     family, at = Family(1, 1.0e4, 0.8, "none", 80.0), frequencies()[32]
-    options = Options(harmonics=10, samples=128, by_events=True)
+    options = Options(harmonics=10, samples=128)
     case = ablation.Case(family.name, family.scene(), options, np.array([[0.0], [1.0]]), 1.0, np.array([at]))
     everything, _ = ablation.solve(case, [])
     without, _ = ablation.solve(case, ["stiffness_homotopy"])

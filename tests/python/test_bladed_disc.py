@@ -174,7 +174,7 @@ def test_a_sector_moves_as_the_wheel_that_is_meshed_and_reduced_by_itself(tmp_pa
 
 
 def points_at(scene, frequencies):
-    options = Options(harmonics=3, by_events=True, tolerance=1e-13)
+    options = Options(harmonics=3, tolerance=1e-13)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         solver.follow_static_path(np.zeros((1, 0)), 1, frequencies[0])
         return list(solver.solve_at(frequencies, 40.0, 0))

@@ -26,8 +26,6 @@ def few_ways(monkeypatch):
     """Short ladders; what they hold is the same."""
     ladders = {
         "HARMONICS": (1, 5, 20),
-        "SAMPLES": (128, 1024),
-        "SAMPLED_HARMONICS": (20,),
         "TOLERANCES": (1e-2,),
         "STEPS": (32, 128),
         "SCHEMES": ("newmark", "event"),
@@ -48,9 +46,8 @@ def test_a_chart_is_a_table_a_picture_and_data_that_describe_themselves(tmp_path
     rows = list(csv.DictReader(io.StringIO(done.stdout)))
     assert attrito_here(tmp_path, capfd, "table", "wedge.h5").stdout == done.stdout
     error = {(row["series"], row["setting"]): float(row["error"]) for row in rows if row["error"]}
-    # More harmonics, samples or steps are nearer; the mean that is frozen keeps its error.
+    # More harmonics or steps are nearer; the mean that is frozen keeps its error.
     assert error["event", "H = 1"] > error["event", "H = 5"] > error["event", "H = 20"]
-    assert error["sampled", "H = 20, J = 128"] > error["sampled", "H = 20, J = 1024"]
     assert error["integration", "newmark, 32 steps"] > error["integration", "newmark, 128 steps"]
     assert error["uncoupled", "H = 20"] > 100.0 * error["event", "H = 20"]
     # Event-exact integration is another method, and comes to the same motion.
@@ -95,7 +92,7 @@ def test_work_is_counted_without_the_static_path_and_grows_with_harmonics(tmp_pa
 
 
 def test_an_uncoupled_job_is_charted_against_the_coupled_balance(tmp_path, few_ways, monkeypatch):
-    for ladder in ("SAMPLED_HARMONICS", "TOLERANCES", "SCHEMES"):
+    for ladder in ("TOLERANCES", "SCHEMES"):
         monkeypatch.setattr(chart, ladder, ())
     monkeypatch.setattr(chart, "HARMONICS", (20,))
     path = tmp_path / write_job(tmp_path, rubbing_wedge(approach="uncoupled"))
@@ -107,8 +104,7 @@ def test_an_uncoupled_job_is_charted_against_the_coupled_balance(tmp_path, few_w
 def test_steps_get_no_shorter_after_a_run_that_takes_too_long_but_do_after_one_that_fails(
     tmp_path, few_ways, monkeypatch
 ):
-    for ladder in ("SAMPLED_HARMONICS", "TOLERANCES"):
-        monkeypatch.setattr(chart, ladder, ())
+    monkeypatch.setattr(chart, "TOLERANCES", ())
     monkeypatch.setattr(chart, "HARMONICS", (5,))
     path = tmp_path / write_job(tmp_path, rubbing_wedge())
 

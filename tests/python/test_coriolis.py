@@ -27,9 +27,8 @@ def turning_sector(seed, sectors, engine_order, tangents=1, strength=0.5, **more
     return replace(scene, gyroscopic=np.ascontiguousarray(strength * (mixed - mixed.T)))
 
 
-def solver_of(scene, tangents=1, harmonics=5):
-    samples = max(120, 6 * harmonics + 2)
-    options = Options(harmonics=harmonics, samples=samples, by_events=tangents == 1, tolerance=1e-13)
+def solver_of(scene, harmonics=5):
+    options = Options(harmonics=harmonics, tolerance=1e-13)
     solver = Solver(MPI.COMM_SELF, scene, options)
     solver.follow_static_path(np.array([[0.0], [1.0]]), 10, 0.15)
     return solver

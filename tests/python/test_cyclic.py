@@ -22,9 +22,9 @@ FREQUENCIES = [42.0, 36.0, 31.0, 26.0]
 CLOSE = 1e-9
 
 
-def points_of(scene, level, by_events):
+def points_of(scene, level):
     """Points and motion of all coordinates at the frequencies."""
-    options = Options(harmonics=HARMONICS, samples=120, by_events=by_events, tolerance=1e-13)
+    options = Options(harmonics=HARMONICS, tolerance=1e-13)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         solver.follow_static_path(np.zeros((1, 0)), 1, FREQUENCIES[0])
         return [(point, solver.coordinates()) for point in solver.solve_at(FREQUENCIES, level, 0)]
@@ -39,13 +39,12 @@ def scene_of(sectors, engine_order):
 @pytest.mark.parametrize("sectors, engine_order", [(3, 1), (6, 4), (8, 4), (5, -7), (12, 5)])
 # They slip; they open, too
 @pytest.mark.parametrize("level", [8.0, 40.0])
-@pytest.mark.parametrize("by_events", [True, False])
-def test_one_sector_moves_as_in_the_whole_wheel(sectors, engine_order, level, by_events):
+def test_one_sector_moves_as_in_the_whole_wheel(sectors, engine_order, level):
     scene = scene_of(sectors, engine_order)
     wheel = whole_wheel(scene)
     assert len(wheel.mass) == sectors * (len(scene.mass) - len(scene.sector.upper))
     compared = 0
-    for (one, _), (whole, _) in zip(*(points_of(each, level, by_events) for each in (scene, wheel)), strict=True):
+    for (one, _), (whole, _) in zip(*(points_of(each, level) for each in (scene, wheel)), strict=True):
         assert one.is_solved and whole.is_solved and one.unique == whole.unique
         # Sliders of contacts that stick all along start at other instants of each sector's own time.
         if not one.unique:
@@ -57,10 +56,10 @@ def test_one_sector_moves_as_in_the_whole_wheel(sectors, engine_order, level, by
 
 def test_a_wave_that_is_put_round_the_wheel_is_a_solution_there():
     scene = scene_of(5, 2)
-    point, motion = points_of(scene, 10.0, True)[2]
+    point, motion = points_of(scene, 10.0)[2]
     kept = np.delete(np.arange(len(motion)), scene.sector.upper)
     wave = np.vstack([delayed(motion.T, scene.sector, j).T[kept] for j in range(5)])
-    options = Options(harmonics=HARMONICS, by_events=True, tolerance=1e-13)
+    options = Options(harmonics=HARMONICS, tolerance=1e-13)
     with Solver(MPI.COMM_SELF, whole_wheel(scene), options) as solver:
         solver.follow_static_path(np.zeros((1, 0)), 1, FREQUENCIES[0])
         solver.set_excitation(20.0, 45.0, 10.0)

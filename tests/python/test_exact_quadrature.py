@@ -46,7 +46,7 @@ def test_a_contact_without_friction_opens_along_two_tangents_as_along_one(tmp_pa
 def test_peaks_are_found_by_newtons_method(number):
     scene = peaks_scenes.make(1, number)
     assert "2 tangents" in scene.kind
-    options = Options(5, 128, by_events=True)
+    options = Options(5, 128)
     job = peaks.keys_of(scene, "level_up")
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
         solver.follow_static_path(peaks.PATH, peaks.STATIC_STEPS, scene.band_hz[0])

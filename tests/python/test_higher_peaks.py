@@ -48,7 +48,7 @@ def two_masses(limit: float, rates: np.ndarray = RATES, forces: np.ndarray = FOR
 
 def look(scene: ReducedScene, near_hz: float, level: float = 1.0, *, slips: bool = False) -> tuple[Peak, Higher]:
     """The peak near a frequency, and what stands beside it; where nothing slips sweeps take no work."""
-    options = Options(harmonics=3, by_events=True)
+    options = Options(harmonics=3)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         solver.follow_static_path(PATH, 1, BAND[0])
         tracker = PeakTracker(solver, 0, "half_range", BAND, PATH[-1])
@@ -149,7 +149,7 @@ def follow_two_masses(rates: np.ndarray, look: bool, *, chosen: bool = False) ->
     keys |= {"near_hz": float(rates[0] / (2.0 * np.pi)), "optimum": False, "max_points": 10}
     sweep = {"frequencies_hz": None, "start_hz": BAND[0], "stop_hz": BAND[1]}
     job = {"peak": keys, "sweep": sweep, "static": {"steps": 1}}
-    options = Options(harmonics=3, by_events=True)
+    options = Options(harmonics=3)
     with (
         Solver(MPI.COMM_SELF, scene, options) as solver,
         HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND, chosen) as looking,
@@ -188,7 +188,7 @@ class Samples(SamplePeaks):
 
     def scene_of(self, job: dict) -> tuple[ReducedScene, np.ndarray, Options]:
         """See `Samples.scene_of`."""
-        return two_masses(job["limit"], forces=job.get("forces", FORCES)), PATH, Options(harmonics=3, by_events=True)
+        return two_masses(job["limit"], forces=job.get("forces", FORCES)), PATH, Options(harmonics=3)
 
 
 def job_of_samples() -> dict:
@@ -221,7 +221,7 @@ def test_the_band_is_swept_again_unless_a_sample_nearly_the_same_had_a_peak_that
 def test_a_sweep_ends_beside_a_resonance_that_its_monitor_does_not_show(end):
     """The motion turns there, so that the drawn frequency goes beyond the end: the step was tried again for ever."""
     scene = replace(two_masses(limit=1e6), monitors=np.array([[1.0, 0.0]]))
-    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3)) as solver:
         solver.follow_static_path(PATH, 1, BAND[0])
         *_, last = solver.sweep(BAND[0], end / (2.0 * np.pi), 1.0, 0, 200)
     assert last.reached_stop and last.frequency_hz == pytest.approx(end / (2.0 * np.pi), rel=1e-12)
@@ -246,7 +246,7 @@ def test_an_arc_that_rises_where_it_begins_and_falls_where_it_ends_has_a_maximum
         point._replace(frequency_hz=1.0 + i, amplitude=np.array([height]), amplitude_rate=np.array([rate]))
         for i, (height, rate) in enumerate(zip(heights, rates, strict=True))
     ]
-    options = Options(harmonics=3, by_events=True)
+    options = Options(harmonics=3)
     with (
         Solver(MPI.COMM_SELF, scene, options) as solver,
         HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND) as looking,
@@ -271,7 +271,7 @@ def test_points_of_a_sweep_tell_how_their_amplitude_changes():
 
 def points_of(scene: ReducedScene, end_hz: float) -> list[Point]:
     """Of a sweep from the beginning of the band."""
-    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=3)) as solver:
         solver.follow_static_path(PATH, 1, BAND[0])
         return list(solver.sweep(BAND[0], end_hz, 1.0, 0, 200))
 

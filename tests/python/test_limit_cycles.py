@@ -147,7 +147,7 @@ def test_the_limit_cycle_of_a_nodal_diameter_is_a_wave_that_the_whole_wheel_keep
     wheel = whole_wheel(replace(scene, harmonic=np.zeros((2 * harmonics + 1, len(scene.mass)))))
     wave = wave_in_wheel(motion, scene.sector)
     # The amplitude is met to 1e-9: nothing is left to solve. No step could be taken, for a free motion has any phase.
-    with Solver(MPI.COMM_SELF, wheel, Options(harmonics=harmonics, by_events=True, tolerance=1e-7)) as solver:
+    with Solver(MPI.COMM_SELF, wheel, Options(harmonics=harmonics, tolerance=1e-7)) as solver:
         solver.follow_static_path(np.empty((2, 0)), 10, frequency)
         solver.set_excitation(0.9 * frequency, 1.1 * frequency, 1.0)
         assert solver.start_from(StoredPoint(frequency, wave, np.zeros((2 * sectors, 2))), 1.0)

@@ -57,7 +57,7 @@ def closed_form(force: float) -> tuple[float, float]:
 
 
 def test_peaks_of_a_mass_that_rubs_are_those_of_the_describing_function():
-    with Solver(MPI.COMM_SELF, jenkins(), Options(harmonics=1, by_events=True, tolerance=1e-12)) as solver:
+    with Solver(MPI.COMM_SELF, jenkins(), Options(harmonics=1, tolerance=1e-12)) as solver:
         solver.follow_static_path(np.array([[1.0]]), 1, 0.2)
         tracker = PeakTracker(solver, 0, "first_harmonic", (0.13, 0.25), np.ones(1))
         peak = tracker.begin(0.01, tracker.linear_peak_hz())
@@ -306,7 +306,7 @@ def rubbing_chain(contacts: int) -> ReducedScene:
 def test_a_peak_arrives_where_contacts_begin_to_slip_one_after_another(keys):
     scene, path = rubbing_chain(12), np.array([[0.0], [1.0]])
     job = curve_job(**keys) | {"sweep": {"frequencies_hz": None, "start_hz": 0.05, "stop_hz": 0.5}}
-    options = Options(harmonics=3, by_events=True)
+    options = Options(harmonics=3)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         found = list(follow(solver, job, scene, path))
     assert all(one.converged and one.peak.curvature < 0.0 for one in found)
@@ -328,7 +328,7 @@ def test_a_peak_of_a_strip_that_is_partly_open_at_rest_arrives_within_its_band(w
     # method came to a peak at 5338 Hz, beyond the band. Downwards in preload the first peak is at a corner.
     scene = peaks_scenes.make(1, 6)
     job = peaks.keys_of(scene, way)
-    with Solver(MPI.COMM_SELF, scene.reduced, Options(harmonics=5, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene.reduced, Options(harmonics=5)) as solver:
         solver.follow_static_path(peaks.PATH, 10, scene.band_hz[0])
         assert solver.closed_contacts().sum() == 9, "the test is void unless contacts are open at rest"
         found = list(follow(solver, job, scene.reduced, peaks.PATH))
@@ -357,7 +357,7 @@ def test_a_broad_peak_that_is_swept_for_has_the_frequency_of_its_maximum(number)
 def test_a_peak_at_a_corner_is_said_to_be_one_and_falls_on_either_side():
     scene = peaks_scenes.make(1, 6)
     job = peaks.keys_of(scene, "preload_down")
-    with Solver(MPI.COMM_SELF, scene.reduced, Options(harmonics=5, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene.reduced, Options(harmonics=5)) as solver:
         peak = next(follow(solver, job, scene.reduced, peaks.PATH)).peak
         state = solver.save_state()
         falls = []
@@ -372,17 +372,16 @@ def test_a_peak_at_a_corner_is_said_to_be_one_and_falls_on_either_side():
 
 
 @pytest.mark.parametrize("way", ["preload_down", "level_up"])
-def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken(way):
-    # A wedge with two tangents by samples: its response has corners where these begin to slip, and several maxima.
-    # Followed in the level, a maximum and a minimum are nearer to each other than a step uphill is long.
+def test_a_peak_along_two_tangents_has_one_maximum(way):
+    # A wedge whose forces by samples have corners where these begin to slip, and several maxima within 1 %.
     scene = peaks_scenes.make(1, 15)
     job = peaks.keys_of(scene, way)
-    options = Options(harmonics=5, samples=128)
+    options = Options(harmonics=5)
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
         curve = follow(solver, job, scene.reduced, peaks.PATH)
         peak = next(one for one in curve if one.peak.parameter == job["peak"]["values"][0]).peak
         state = solver.save_state()
-    # Listed frequencies about it, sliders going on from the peak's: 1 % to either side, the maxima are nearer.
+    # Listed frequencies about it, sliders going on from the peak's, 1 % to either side.
     offsets = np.linspace(0.0, 0.01, 41)
     heights = []
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
@@ -393,16 +392,14 @@ def test_of_maxima_that_samples_make_of_a_peak_the_highest_is_taken(way):
             points = solver.solve_at((peak.frequency_hz * (1.0 + side * offsets)).tolist(), peak.level, 0)
             heights.append([point.amplitude[0] for point in points])
     assert heights[0][0] == pytest.approx(peak.amplitude, rel=1e-9)
-    assert np.max(heights) <= (1.0 + peaks.EQUAL) * peak.amplitude
-    # The test is void unless the response rises again beside the peak.
-    assert any(np.diff(height).max() > 0.0 for height in heights)
+    # The frequency of the maximum is wrong by 1e-9, where the response is flat.
+    assert all(np.diff(height).max() < 0.0 for height in heights)
 
 
-def test_a_curve_that_comes_to_a_lower_maximum_of_a_resonance_goes_on_from_the_highest():
-    # A wedge with two tangents by samples, opening more and more: at the last level another maximum is 3 % higher.
-    options = Options(harmonics=5, samples=128)
-    done = peaks.run(peaks.Task(1, 13, "level_up", check=True, limit=jobs.TIMEOUT, options=options))
-    assert done.arrived and done.values[-1].moved
+def test_a_curve_along_two_tangents_that_opens_more_and_more_stays_on_the_only_maximum():
+    # By samples another maximum of this wedge had been 3 % higher at the last level.
+    done = peaks.run(peaks.Task(1, 13, "level_up", check=True, limit=jobs.TIMEOUT, options=Options(harmonics=5)))
+    assert done.arrived and not any(value.moved for value in done.values)
     assert [value.kind for value in done.values] == ["equal"] * 3
     assert max(abs(value.dense_error) for value in done.values) <= peaks.EQUAL
 
@@ -410,7 +407,7 @@ def test_a_curve_that_comes_to_a_lower_maximum_of_a_resonance_goes_on_from_the_h
 def test_the_peak_of_a_joint_that_friction_alone_holds_ends_where_it_drifts():
     scene = peaks_scenes.make(1, 36)
     job = peaks.keys_of(scene, "level_up")
-    options = Options(harmonics=5, by_events=True)
+    options = Options(harmonics=5)
     with Solver(MPI.COMM_SELF, scene.reduced, options) as solver:
         # Three motions of the upper plate take no energy but in contacts.
         natural = solver.linear_response("frictionless", np.array([scene.band_hz[0]]), 3)[1]
@@ -474,7 +471,7 @@ def test_a_curve_ends_where_a_body_drifts_or_the_peak_leaves_the_band(stiffness,
     scene = held_by_friction(stiffness, push)
     job = curve_job(start=0.01, stop=3.0, values=[])
     job |= {"sweep": {"frequencies_hz": None, "start_hz": low, "stop_hz": 0.3}}
-    with Solver(MPI.COMM_SELF, scene, Options(harmonics=5, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=5)) as solver:
         found = list(follow(solver, job, scene, np.array([[0.0], [1.0]])))
     assert all(one.peak.ending == "none" for one in found[:-1])
     assert (found[-1].converged, found[-1].peak.ending) == (False, ending)

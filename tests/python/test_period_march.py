@@ -13,7 +13,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 
 LIMIT, HERTZ, LEVEL = 1.0, 0.12, 3.0
-OPTIONS = Options(harmonics=3, samples=64, tolerance=1e-11, integrate_in_time=False, by_events=True)
+OPTIONS = Options(harmonics=3, samples=64, tolerance=1e-11, integrate_in_time=False)
 
 
 def shaken_and_pushed(push: float) -> ReducedScene:

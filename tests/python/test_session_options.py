@@ -15,7 +15,7 @@ FREQUENCY = 80.0
 def solved(strategy: str, **options: float) -> Point:
     """The slipping wedge by a strategy alone."""
     scene = Family(1, 10.0, 0.3, "small", 45.0).scene()
-    with Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True, **options)) as solver:
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=10, **options)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, FREQUENCY)
         solver.set_excitation(FREQUENCY, FREQUENCY, 1.0)
         return solver.solve_by_strategy(strategy, FREQUENCY)

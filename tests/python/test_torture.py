@@ -42,7 +42,7 @@ def test_a_verdict_on_coarse_harmonics_is_that_of_the_event_exact_orbit():
     family = Family(1, 100.0, 0.3, "apart", 45.0)
     at = 138.974359
     scene = family.scene()
-    with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
+    with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, Options(harmonics=10)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         (point,) = solver.solve_at([at], 1.0, 0)
         balance, _ = examine_point(solver, ENGINES["monodromy"], ORBITS["balance"])
@@ -64,7 +64,7 @@ def test_a_first_point_is_found_however_many_steps_the_static_path_before_it_too
     # Open at rest, and the path's rounding leaves harmonics of 1e-20 m or none: motion in time begins alike after both.
     at = 138.8
     scene = Family(1, 100.0, 0.3, "apart", 45.0).scene()
-    with Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, scene, Options(harmonics=10)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), steps, at)
         (point,) = solver.solve_at([at], 1.0, 0)
     assert point.outcome == "converged"
@@ -73,7 +73,7 @@ def test_a_first_point_is_found_however_many_steps_the_static_path_before_it_too
 def examined(family, first, number):
     """A point of the grid by way of those from `first` on, its examination, and the motion in time that it comes to."""
     scene, masses, at = family.scene(), family.masses, frequencies()[number]
-    with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
+    with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, Options(harmonics=10)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         *_, point = solver.solve_at(list(frequencies()[first : number + 1]), 1.0, 0)
         report, reason = examine_point(solver, ENGINES["monodromy"], ORBITS["auto"])
@@ -118,7 +118,7 @@ def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_sto
     frequencies = [80.0, 85.0]
     points = []
     for attempts in ((), STRATEGIES):
-        with Solver(MPI.COMM_SELF, scene, Options(harmonics=10, by_events=True)) as solver:
+        with Solver(MPI.COMM_SELF, scene, Options(harmonics=10)) as solver:
             solver.follow_static_path(np.array([[0.0], [1.0]]), 20, frequencies[0])
             solving = solver.solve_at(frequencies, 1.0, 0)
             next(solving)
@@ -140,7 +140,7 @@ def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_no_other_attempt_
     family, at = Family(1, 1.0e4, 0.8, "none", 80.0), frequencies()[32]
     with (
         Integrator(family.scene()) as session,
-        Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10, by_events=True)) as solver,
+        Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10)) as solver,
     ):
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         solver.set_excitation(60.0, 280.0, 1.0)
@@ -159,7 +159,7 @@ def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_no_other_attempt_
 def test_an_iterate_that_runs_off_is_no_solution():
     # Pulled off the wall: from motion in time with soft contacts Newton's method ran to 1e202 of the amplitude.
     family, at = Family(1, 1.0e4, 0.0, "apart", 45.0), frequencies()[2]
-    with Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10, by_events=True)) as solver:
+    with Solver(MPI.COMM_SELF, family.scene(), Options(harmonics=10)) as solver:
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, at)
         solver.set_excitation(60.0, 280.0, 1.0)
         point = solver.solve_by_strategy("stiffness_homotopy", at)

@@ -160,7 +160,7 @@ def at_the_point(folder, job, work):
     """What some work on the family of a job's one point returns."""
     checked = read_job(folder / write_job(folder, job))
     scene = reduced_scene(checked, build_scene(checked))
-    options = Options(harmonics=checked["balance"]["harmonics"], by_events=True)
+    options = Options(harmonics=checked["balance"]["harmonics"])
     with Solver(MPI.COMM_WORLD, scene, options) as solver:
         frequency = checked["sweep"]["frequencies_hz"]
         solver.follow_static_path(np.array([[0.0], [1.0]]), 20, frequency[0])

@@ -59,7 +59,7 @@ def test_forces_in_place_of_the_negative_damping_keep_the_whole_wheel_in_the_wav
         loads[1::2], loads[2::2] = rate * inertia[2::2], -rate * inertia[1::2]
         wheel = whole_wheel(replace(scene, harmonic=loads))
         wave = wave_in_wheel(motion, scene.sector)
-        with Solver(MPI.COMM_SELF, wheel, Options(harmonics=HARMONICS, by_events=True, tolerance=1e-12)) as solver:
+        with Solver(MPI.COMM_SELF, wheel, Options(harmonics=HARMONICS, tolerance=1e-12)) as solver:
             solver.follow_static_path(PATH, 10, frequency)
             solver.set_excitation(0.9 * frequency, 1.1 * frequency, 1.0)
             assert solver.start_from(StoredPoint(frequency, wave, np.zeros((2 * SECTORS, 2))), 1.0)
@@ -72,7 +72,7 @@ def test_the_mode_of_nodal_diameter_0_is_that_of_a_sector_tied_to_itself(tmp_pat
     alone = all_alike(scene_of(tmp_path))
     with (
         h5py.File(file) as result,
-        Solver(MPI.COMM_SELF, alone, Options(harmonics=HARMONICS, by_events=True, tolerance=1e-12)) as solver,
+        Solver(MPI.COMM_SELF, alone, Options(harmonics=HARMONICS, tolerance=1e-12)) as solver,
     ):
         solver.follow_static_path(PATH, 10, 20.0)
         modes = solver.linear_modes("tangent", 1)

@@ -17,8 +17,8 @@ from attrito.scene.wheel import wave_in_wheel, whole_wheel
 FREQUENCY, LEVEL = 0.15, 1.0
 
 
-def solver_of(scene, tangents=1):
-    solver = Solver(MPI.COMM_SELF, scene, Options(harmonics=5, samples=120, by_events=tangents == 1, tolerance=1e-12))
+def solver_of(scene):
+    solver = Solver(MPI.COMM_SELF, scene, Options(harmonics=5, tolerance=1e-12))
     solver.follow_static_path(np.array([[0.0], [1.0]]), 10, FREQUENCY)
     return solver
 
@@ -26,11 +26,11 @@ def solver_of(scene, tangents=1):
 def in_wheel(sectors, engine_order, seed, tangents=1, level=LEVEL, methods=MONODROMY):
     """Examinations of a sector's wave, and of the same motion in the whole wheel by the engine of structures."""
     scene = random_sector(seed, sectors, engine_order, tangents=tangents)
-    with solver_of(scene, tangents) as solver:
+    with solver_of(scene) as solver:
         (point,) = solver.solve_at([FREQUENCY], level, 0)
         assert point.is_solved and point.states[2] > 0, "no contact slips: the test is void"
         motion, sector = solver.coordinates(), examined(solver, methods)
-    with solver_of(whole_wheel(scene), tangents) as solver:
+    with solver_of(whole_wheel(scene)) as solver:
         solver.set_excitation(0.9 * FREQUENCY, 1.1 * FREQUENCY, level)
         start = StoredPoint(FREQUENCY, wave_in_wheel(motion, scene.sector), np.zeros((2 * sectors, 2)))
         assert solver.start_from(start, level)

@@ -38,7 +38,7 @@ contains
 
     call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
     call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
-    call new_balance(scene%structure, scene%contacts, receptance, only_me(), 64, balance)
+    call new_balance(scene%structure, scene%contacts, receptance, only_me(), balance)
     motion = 0.7_wp*reshape(noise(k*rows, 11), [k, rows])
     balance%slider = 0.1_wp*reshape(noise(2*contacts, 14), [2, contacts])
     call balance%evaluate(motion, omega, status)

@@ -80,7 +80,7 @@ contains
     logical :: moved
 
     scene = wedge(45.0_wp)
-    solver = solver_of(scene, solver_options_type(by_events=.true.), 0.1_wp)
+    solver = solver_of(scene, solver_options_type(), 0.1_wp)
     call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
     call solver%solve_at(two_pi*120.0_wp)
     call check(error, solver%report%converged .and. solver%all_stick, 'it does not stick')
@@ -107,7 +107,7 @@ contains
 
     scene = wedge(45.0_wp)
     do i = 1, 3
-      solver = solver_of(scene, solver_options_type(harmonics=harmonics(i), samples=1024, by_events=.true.), 5.0_wp)
+      solver = solver_of(scene, solver_options_type(harmonics=harmonics(i), samples=1024), 5.0_wp)
       call solver%set_scales(two_pi*100.0_wp, two_pi*140.0_wp)
       call solve_by_strategies(solver, two_pi*132.0_wp)
       call check(error, solver%report%converged .and. .not. solver%all_stick, 'it does not slip')
@@ -251,7 +251,7 @@ contains
     real(wp) :: force
 
     scene = drifting_mass(1)
-    solver = solver_of(scene, solver_options_type(by_events=.true.), 1.0_wp)
+    solver = solver_of(scene, solver_options_type(), 1.0_wp)
     allocate (solver%time_integrator, source=new_averaged_periods(scene%structure, scene%contacts))
     call solver%set_scales(0.9_wp, 1.1_wp)
     call solve_by_strategies(solver, 1.0_wp)
@@ -321,7 +321,7 @@ contains
           q = balance%receptance%displacements(balance%response)
           scale = solver%context%motion_scale*maxval(abs(solver%stuck%stiffness)) &
                   *(1.0_wp + (options%harmonics*solver%omega)**2/minval(solver%stuck%omega)**2)
-          if (balance%forces(1)%unique) call check_close(error, residual_of(scene, q, solver%omega, level, options%samples), &
+          if (balance%forces(1)%unique) call check_close(error, residual_of(scene, q, solver%omega, level), &
                                                          0.0_wp*q, 1.0e-9_wp*scale, 'uncondensed residual')
         end associate
       end if

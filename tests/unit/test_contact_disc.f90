@@ -4,9 +4,9 @@ program test_contact_disc
   use attrito_core_kinds, only: wp, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
-  use attrito_contact_friction_disc, only: slide_on_disc, differentiate_slide_on_disc
+  use attrito_contact_friction_disc, only: differentiate_slide_on_disc
   use attrito_contact_forces, only: contact_forces_type
-  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
+  use attrito_testing_sampled_contact, only: slide_on_disc, evaluate_contact_by_samples
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_slipping
   use scenes, only: noise

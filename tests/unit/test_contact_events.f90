@@ -6,7 +6,7 @@ program test_contact_events
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
   use attrito_contact_forces, only: contact_forces_type
-  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
+  use attrito_testing_sampled_contact, only: evaluate_contact_by_samples
   use attrito_contact_second_derivative_event, only: differentiate_twice_by_events
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use attrito_contact_trigonometric_roots, only: new_grid, roots_of

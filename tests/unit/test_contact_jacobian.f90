@@ -9,7 +9,7 @@ program test_contact_jacobian
   use attrito_model_contacts, only: contact_type
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_forces, only: contact_forces_type, released
-  use attrito_contact_quadrature_sampled, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
+  use attrito_testing_sampled_contact, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use scenes, only: noise
   use testing, only: test, run_suite, check, check_close

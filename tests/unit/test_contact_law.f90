@@ -7,7 +7,7 @@ program test_contact_law
   use attrito_contact_friction_line, only: slide_along_line, slider_interval
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
+  use attrito_testing_sampled_contact, only: contact_samples_type, evaluate_contact_by_samples, sample_contact
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open, regime_open, &
                                    regime_stick
   use attrito_contact_stuck_bound, only: is_stuck_by_bound

@@ -137,7 +137,7 @@ contains
     type(scene_type) :: scene
 
     scene = wedge(45.0_wp)
-    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(by_events=.true.), solver, fault)
+    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(), solver, fault)
     if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*100.0_wp, fault)
     call check(error, .not. allocated(fault), 'no static equilibrium')
     call solver%set_loads([1.0_wp], 5.0_wp)

@@ -155,7 +155,7 @@ contains
     call new_stuck_system(scene%structure, scene%contacts, .true., stuck, fault)
     if (allocated(fault)) error stop 'the scene is refused'
     call new_receptance(scene%structure, scene%contacts, stuck, harmonics, receptance)
-    call new_balance(scene%structure, scene%contacts, receptance, only_me(), samples, balance)
+    call new_balance(scene%structure, scene%contacts, receptance, only_me(), balance)
     motion = 0.7_wp*reshape(noise(k*rows, 11), [k, rows])
     call balance%evaluate(motion, omega, status)
     if (status /= 0) error stop 'the balance is not evaluated'

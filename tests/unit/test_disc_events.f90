@@ -10,7 +10,7 @@ program test_disc_events
   use attrito_contact_fourier, only: fourier_type, new_fourier
   use attrito_contact_quadrature_disc, only: evaluate_contact_by_disc_events
   use attrito_contact_quadrature_event, only: evaluate_contact_by_events
-  use attrito_contact_quadrature_sampled, only: evaluate_contact_by_samples
+  use attrito_testing_sampled_contact, only: evaluate_contact_by_samples
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
   use attrito_contact_trigonometric_roots, only: new_grid
   use random_discs, only: law, many, tight, motion_of, forces_of

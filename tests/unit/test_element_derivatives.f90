@@ -51,7 +51,6 @@ contains
   function quadrature_by_events() result(quadrature)
     type(quadrature_type) :: quadrature
 
-    quadrature%by_events = .true.
     quadrature%grid = new_grid(harmonics)
   end function quadrature_by_events
 

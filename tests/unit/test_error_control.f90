@@ -64,7 +64,7 @@ contains
     if (allocated(error)) return
     solver%context%balance%monitors = solver%context%balance%contact_rows%part([1])
     before = norm2(solver%motion(2:3, 1))
-    call finer%set(3, solver%options%samples, solver%context%balance%quadrature)
+    call finer%set(3, solver%context%balance%quadrature)
     call finer%correct(solver, first, status)
     call step_again(finer, solver, first, 1.0e-3_wp, 0, second)
     call check(error, status == 0 .and. allocated(second%monitors), 'a step is singular')
@@ -90,7 +90,7 @@ contains
     call solve_wedge(1, solver, error)
     if (allocated(error)) return
     solver%context%balance%monitors = solver%context%balance%contact_rows%part([1, 2])
-    call finer%set(7, solver%options%samples, solver%context%balance%quadrature)
+    call finer%set(7, solver%context%balance%quadrature)
     call finer%correct(solver, first, status)
     call step_again(finer, solver, first, 0.0_wp, 0, second(0))
     call step_again(finer, solver, first, 0.0_wp, 30, second(1))
@@ -141,7 +141,7 @@ contains
     type(scene_type) :: scene
 
     scene = wedge(45.0_wp)
-    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, by_events=.true.), solver, &
+    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics), solver, &
                     fault)
     if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*132.0_wp, fault)
     call check(error, .not. allocated(fault), 'no static equilibrium')

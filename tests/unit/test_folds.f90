@@ -53,7 +53,7 @@ contains
     type(solver_type) :: solver
     type(error_type), allocatable :: fault
 
-    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics, by_events=.true.), solver, &
+    call new_solver(scene%structure, scene%contacts, only_me(), solver_options_type(harmonics=harmonics), solver, &
                     fault)
     if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, 0.8_wp, fault)
     call check(error, .not. allocated(fault), 'no static equilibrium')

@@ -49,7 +49,7 @@ contains
     real(wp) :: motion(k, 3), own(k, tangents + 1), summed(k, tangents + 1), basis(k), slider(2)
     integer :: j, seed, met(0:3)
 
-    quadrature = quadrature_type(.true., grid=new_grid(2*harmonics), discs=new_disc_rules(harmonics), order=2)
+    quadrature = quadrature_type(grid=new_grid(2*harmonics), discs=new_disc_rules(harmonics), order=2)
     law = contact_type(tangents=tangents, tangential_stiffness=3.0_wp, normal_stiffness=5.0_wp, friction_coefficient=0.4_wp)
     slider = merge([0.3_wp, -0.2_wp], [0.3_wp, 0.0_wp], tangents == 2)
     met = 0

@@ -144,7 +144,6 @@ contains
     real(wp) :: motion(3, 2), amplitude, slider(80)
     integer :: a, b
 
-    quadrature%by_events = .true.
     quadrature%grid = new_grid(1)
     do a = 1, size(chis)
       do b = 1, size(betas)

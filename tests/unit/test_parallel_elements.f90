@@ -1,6 +1,6 @@
 !> Contact laws of several elements in parallel: forces are those of as many contacts side by side, whichever the quadrature.
 module laws_in_parallel
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: wp, two_pi
   use attrito_contact_law_contact_law, only: element_type
   use attrito_contact_law_coulomb_spring, only: coulomb_spring_type
   implicit none
@@ -34,12 +34,11 @@ end module laws_in_parallel
 
 program test_parallel_elements
   use attrito_core_errors, only: error_type
-  use attrito_core_kinds, only: wp
+  use attrito_core_kinds, only: wp, two_pi
   use attrito_contact_disc_rules, only: new_disc_rules
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_instants, only: forces_at_instants
-  use attrito_contact_fourier, only: new_fourier
   use attrito_contact_law_contact_law, only: element_type
   use attrito_contact_parallel_elements, only: union_length
   use attrito_contact_state, only: state_stuck, state_shaken_down, state_slipping, state_open
@@ -60,7 +59,6 @@ program test_parallel_elements
                element_type(stiffness(3), slip_force(3))]
   if (run_suite('parallel elements', [ &
                 test('forces by events are those of contacts side by side that share the normal spring', by_events), &
-                test('forces by samples are those of contacts side by side that share the normal spring', by_samples), &
                 test('forces by events along two tangents are those of contacts side by side', two_tangents), &
                 test('the Jacobian is that of differences, whatever the elements do', jacobian), &
                 test('a contact slips while any of its elements does, and fractions add up', fractions), &
@@ -88,11 +86,10 @@ contains
                            friction_coefficient=0.4_wp*slip_force(number)*elements, gap=0.02_wp, preload=0.1_wp/elements)
   end function side_by_side
 
-  function quadrature_of(events) result(quadrature)
-    logical, intent(in) :: events
+  function quadrature_of() result(quadrature)
     type(quadrature_type) :: quadrature
 
-    quadrature = quadrature_type(events, grid=new_grid(harmonics), fourier=new_fourier(harmonics, 256))
+    quadrature = quadrature_type(grid=new_grid(harmonics))
   end function quadrature_of
 
   !> Motion with a mean closing.
@@ -123,14 +120,8 @@ contains
   subroutine by_events(error)
     type(error_type), allocatable, intent(out) :: error
 
-    call compare(error, quadrature_of(.true.))
+    call compare(error, quadrature_of())
   end subroutine by_events
-
-  subroutine by_samples(error)
-    type(error_type), allocatable, intent(out) :: error
-
-    call compare(error, quadrature_of(.false.))
-  end subroutine by_samples
 
   !> Motions of all sizes, closed and with lift-off, and sliders anywhere.
   subroutine compare(error, quadrature)
@@ -182,7 +173,7 @@ contains
     real(wp) :: motion(k, 3), slider(2*elements), deviation(k, 3), by_motion(3*k, 3*k)
     integer :: met(0:3), seed, i
 
-    quadrature = quadrature_of(.true.)
+    quadrature = quadrature_of()
     quadrature%discs = new_disc_rules(harmonics)
     met = 0
     do seed = 1, 24
@@ -225,7 +216,7 @@ contains
     real(wp) :: motion(k, 2), moved(k, 2), slider(2*elements)
     integer :: seed, i, j
 
-    quadrature = quadrature_of(.true.)
+    quadrature = quadrature_of()
     slider = 0.0_wp
     do seed = 1, 8
       motion = motion_of(seed, merge(0.15_wp, 0.7_wp, modulo(seed, 2) == 0), 0.4_wp)
@@ -248,30 +239,37 @@ contains
 
   subroutine fractions(error)
     type(error_type), allocatable, intent(out) :: error
-    type(quadrature_type) :: events, samples
-    type(contact_forces_type) :: exact, sampled, own
-    real(wp) :: motion(k, 2), slider(2*elements), longest, total
-    integer :: seed, i, apart
+    integer, parameter :: instants = 16384
+    type(quadrature_type) :: events
+    type(contact_forces_type) :: exact, own
+    real(wp) :: motion(k, 2), slider(2*elements), longest, total, instant
+    logical :: slips(instants)
+    integer :: seed, i, j, apart
 
-    events = quadrature_of(.true.)
-    samples = quadrature_type(.false., grid=new_grid(harmonics), fourier=new_fourier(harmonics, 16384))
+    events = quadrature_of()
     slider = 0.0_wp
     apart = 0
     do seed = 1, 12
       motion = motion_of(seed, merge(0.15_wp, 0.7_wp, modulo(seed, 2) == 0), 0.25_wp)
       exact = forces_of(several(), events, motion, slider)
-      sampled = forces_of(several(), samples, motion, slider)
       call check_close(error, exact%stick + exact%slip + exact%open, 1.0_wp, 1.0e-14_wp, 'all of the period')
-      ! Each of up to some ten switches falls between samples.
-      call check_close(error, [exact%stick, exact%slip, exact%open], [sampled%stick, sampled%slip, sampled%open], &
-                       10.0_wp/16384.0_wp, 'fractions by samples')
+      slips = .false.
       longest = 0.0_wp
       total = 0.0_wp
       do i = 1, elements
-        own = forces_of(side_by_side(i), events, motion, slider(2*i - 1:2*i))
+        own = contact_forces_type(lists_slip=.true.)
+        allocate (own%deviation(k, 2))
+        call evaluate_contact(side_by_side(i), events, motion, slider(2*i - 1:2*i), .false., own)
+        do j = 1, instants
+          instant = two_pi*(j - 1)/instants
+          slips(j) = slips(j) .or. any(own%slips(1, :) <= instant .and. instant < own%slips(2, :))
+        end do
+        call check_close(error, exact%open, own%open, 1.0e-14_wp, 'an element is open as long as the contact')
         longest = max(longest, own%slip)
         total = total + own%slip
       end do
+      ! Each of up to some ten switches falls between instants.
+      call check_close(error, exact%slip, count(slips)/real(instants, wp), 10.0_wp/instants, 'slip of any, by instants')
       call check(error, exact%slip >= longest - 1.0e-13_wp .and. exact%slip <= min(total, 1.0_wp) + 1.0e-13_wp, 'slip of any')
       if (exact%slip > longest + 1.0e-3_wp) apart = apart + 1
     end do
@@ -285,7 +283,7 @@ contains
     real(wp) :: motion(k, 2), slider(2*elements)
     integer :: seed, held
 
-    quadrature = quadrature_of(.true.)
+    quadrature = quadrature_of()
     held = 0
     do seed = 1, 60
       motion = motion_of(seed, 1.0_wp, 0.002_wp*1.08_wp**seed)
@@ -336,7 +334,7 @@ contains
     real(wp) :: slider(2*elements)
 
     slider = 0.0_wp
-    forces = forces_of(side_by_side(1), quadrature_of(.true.), motion_of(3, 0.7_wp, 0.4_wp), slider)
+    forces = forces_of(side_by_side(1), quadrature_of(), motion_of(3, 0.7_wp, 0.4_wp), slider)
     call check(error, size(forces%slider) == 2*elements .and. size(forces%moved) == 2*elements, 'width')
     call check(error, slider_width([side_by_side(1), several()]) == 2*elements, 'of both')
     call check(error, slider_width([side_by_side(1)]) == 2, 'of one element')

@@ -132,7 +132,7 @@ contains
     integer :: i, parameter
 
     do i = 1, size(levels)
-      call prepare(wedge(45.0_wp), solver_options_type(by_events=.true.), levels(i), two_pi*125.0_wp, solver)
+      call prepare(wedge(45.0_wp), solver_options_type(), levels(i), two_pi*125.0_wp, solver)
       call check(error, solver%report%converged .and. solver%context%balance%forces(1)%state == state_slipping, 'it slips')
       do parameter = parameter_level, parameter_preload
         ! Differences of first derivatives: wrong by 1e-10 times a third derivative, relative, that switches make large.
@@ -151,13 +151,13 @@ contains
     deallocate (scene%structure%monitors)
     scene%structure%monitors = reshape(noise(8, 11), [8, 1])
     call damp(scene, damping_viscous, 0.02_wp)
-    call prepare(scene, solver_options_type(samples=512, by_events=.true.), 2.0_wp, 1.1_wp, solver)
+    call prepare(scene, solver_options_type(samples=512), 2.0_wp, 1.1_wp, solver)
     call check(error, solver%report%converged, 'solved')
     ! Of samples psi is smooth but for switches that pass from one to the next: its kinks leave a part of 1/samples each.
     call check_condition(error, solver, parameter_level, 2.0e-2_wp, 'frame, damped by a matrix')
     call solver%destroy()
     call damp(scene, damping_ratio, 0.02_wp)
-    call prepare(scene, solver_options_type(samples=512, by_events=.true.), 2.0_wp, 1.1_wp, solver)
+    call prepare(scene, solver_options_type(samples=512), 2.0_wp, 1.1_wp, solver)
     call check_condition(error, solver, parameter_level, 2.0e-2_wp, 'frame, damped by a ratio')
     call solver%destroy()
   end subroutine by_samples
@@ -170,7 +170,7 @@ contains
     real(wp) :: peak, omega
     integer :: side, status
 
-    call prepare(wedge(45.0_wp), solver_options_type(by_events=.true.), 8.0_wp, two_pi*132.473_wp, solver)
+    call prepare(wedge(45.0_wp), solver_options_type(), 8.0_wp, two_pi*132.473_wp, solver)
     call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 4, two_pi*132.0_wp, error)
     if (allocated(error)) return
     call solver%set_loads([1.0_wp], 8.0_wp)

@@ -273,7 +273,7 @@ contains
     type(quadrature_type) :: quadrature
 
     allocate (forces%deviation(size(motion, 1), size(motion, 2)))
-    quadrature = quadrature_type(.true., order=2, grid=new_grid(2*harmonics), discs=new_disc_rules(harmonics, 14, 1.0e-12_wp))
+    quadrature = quadrature_type(order=2, grid=new_grid(2*harmonics), discs=new_disc_rules(harmonics, 14, 1.0e-12_wp))
     call evaluate_contact(contact, quadrature, motion, [0.0_wp, 0.0_wp], .false., forces)
   end function forces_of
 

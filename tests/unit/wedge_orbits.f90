@@ -76,7 +76,7 @@ contains
     type(solver_options_type) :: options
     type(error_type), allocatable :: fault
 
-    options = solver_options_type(harmonics=harmonics, by_events=.true.)
+    options = solver_options_type(harmonics=harmonics)
     if (present(samples)) options%samples = samples
     call new_solver(scene%structure, scene%contacts, only_me(), options, solver, fault)
     if (.not. allocated(fault)) call follow_static_path(solver, reshape([1.0_wp], [1, 1]), 20, two_pi*frequency_hz, fault)

@@ -17,11 +17,11 @@ FORMAT = "attrito chart"
 SERIES = {
     "tolerance": "harmonics and samples by tolerance",
     "event": "by events, H fixed",
-    "sampled": "by samples, H and J fixed",
+    "sampled": "by samples, H and J fixed (of older charts)",
     "uncoupled": "uncoupled, H fixed",
     "modes": "fewer modes of the reduction",
     "curve": "points of the drawn curve",
-    "wheel": "the whole wheel by events or samples, H fixed",
+    "wheel": "the whole wheel, H fixed",
     "uncondensed": "Newton's method on all coordinates (work by formula)",
     "integration": "time integration by steps, to the steady state",
     "events in time": "time integration by located events",

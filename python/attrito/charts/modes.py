@@ -37,8 +37,6 @@ if TYPE_CHECKING:
 HARMONICS = (1, 2, 3, 5, 7, 10, 14, 20)
 FINEST = 30
 STEPS = (16, 32, 64, 128, 256, 512)
-# Samples of a series where contacts go by samples, for each harmonic
-PER_HARMONIC = 16
 
 
 class ModeBench:
@@ -74,8 +72,7 @@ class ModeBench:
         return found
 
     def _series(self, harmonics: int) -> Options:
-        samples = max(self._options.samples, PER_HARMONIC * harmonics)
-        return replace(self._options, harmonics=harmonics, samples=samples, uncoupled=False)
+        return replace(self._options, harmonics=harmonics, uncoupled=False)
 
     def _ways(self) -> Iterator[Way]:
         keys = self._job["mode"]
@@ -98,8 +95,7 @@ class ModeBench:
 
     def _way(self, method: str, options: Options, steps: int = 0) -> Way:
         seconds, work, found = self._follow(method, options, steps)
-        series = {"harmonics": options.harmonics, "samples": 0 if options.by_events else options.samples}
-        settings = {"steps": steps} if steps else series
+        settings = {"steps": steps} if steps else {"harmonics": options.harmonics}
         label = f"{steps} steps" if steps else f"H = {options.harmonics}"
         if not np.isfinite(found).all():
             lost = self._amplitudes[np.isnan(found[0])][0]

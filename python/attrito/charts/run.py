@@ -6,11 +6,11 @@ the last,
 
     e = max over monitors |a - a_ref| / a_ref,
 
-a_ref being the balance with harmonics, and samples where contacts have two tangents, chosen for the smallest error that
-the time allows. A run that would take too long, by what the coarser ones have taken, is not begun, and all series have
-their coarse ways before any has finer ones: when the time is spent the chart shows what there is. Cost is processor
-time without the static load path, and counted work: operations by the formulas of src/balance/work.f90, for time
-integration 4 m (m + rows) a step. A way is on the efficient front if none is both cheaper in time and nearer.
+a_ref being the balance with harmonics chosen for the smallest error that the time allows. A run that would take too
+long, by what the coarser ones have taken, is not begun, and all series have their coarse ways before any has finer
+ones: when the time is spent the chart shows what there is. Cost is processor time without the static load path, and
+counted work: operations by the formulas of src/balance/work.f90, for time integration 4 m (m + rows) a step. A way is
+on the efficient front if none is both cheaper in time and nearer.
 
 A sector under a travelling wave is charted beside its whole wheel, which is solved and integrated in time by itself;
 the monitors are those of the first sector.
@@ -49,19 +49,17 @@ if TYPE_CHECKING:
     from mpi4py.MPI import Comm
 
 HARMONICS = (1, 2, 3, 5, 7, 10, 14, 20, 30)
-SAMPLES = (32, 64, 128, 256, 512, 1024)
-SAMPLED_HARMONICS = (3, 5, 10, 20)
 TOLERANCES = (1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 STEPS = (32, 64, 128, 256, 512, 1024)
 MODE_PARTS = (0.0, 0.1, 0.25, 0.5, 0.75)
 SCHEMES = ("central_difference", "newmark", "hht", "generalised_alpha", "event")
 CYCLES = 400
-# What is estimated for the reference at best; with two tangents samples limit it
+# What is estimated for the reference at best
 REFERENCE = {1: 1e-9, 2: 1e-5}
 # What the reference, and the whole chart, may take, in units of what one run of a series may
 REFERENCE_SHARE, WHOLE = 3.0, 15.0
-# Cost of a run against its harmonics and samples: powers of what is foreseen
-HARMONICS_POWER, SAMPLES_POWER = 2.0, 0.5
+# Cost of a run against its harmonics: power of what is foreseen
+HARMONICS_POWER = 2.0
 # Shorter runs are repeated, and the least of the times is taken
 SHORT = 0.2
 
@@ -87,8 +85,8 @@ class Bench:
         self._frequencies: list[float] = []
         self._amplitude = np.full(len(self._scene.monitors), np.nan)
         self._iterations = 0
-        # What coupled runs of fixed harmonics have taken: harmonics, samples, seconds
-        self._taken: list[tuple[int, int, float]] = []
+        # What coupled runs of fixed harmonics have taken: harmonics, seconds
+        self._taken: list[tuple[int, float]] = []
         # Of the last run, and iterations by label
         self._last_amplitude, self._iterations_of = self._amplitude, dict[str, int]()
         self._accepted = REFERENCE[self._tangents]
@@ -205,58 +203,49 @@ class Bench:
 
     def _automatic(self, tolerance: float) -> Options:
         first = max((len(self._scene.harmonic) - 1) // 2, 3)
-        samples = max(64, 6 * first + 2)
         choices = {"choose_harmonics": True, "accepted_error": tolerance}
-        return replace(self._options, harmonics=first, samples=samples, by_events=True, uncoupled=False, **choices)
+        return replace(self._options, harmonics=first, uncoupled=False, **choices)
 
-    def _fixed(self, harmonics: int, samples: int, **other: object) -> Options:
-        choices = {"by_events": True, "uncoupled": False, "choose_harmonics": False} | other
-        return replace(self._options, harmonics=harmonics, samples=samples, **choices)
+    def _fixed(self, harmonics: int, **other: object) -> Options:
+        choices = {"uncoupled": False, "choose_harmonics": False} | other
+        return replace(self._options, harmonics=harmonics, **choices)
 
     def _series(self, reference: Way) -> list[Iterator[Way]]:
         """All series but that of tolerances; the job's own way is the first if it is not among those."""
         loaded = (len(self._scene.harmonic) - 1) // 2
         ladder = [harmonics for harmonics in HARMONICS if harmonics >= loaded]
         series = [] if self._is_automatic() else [self._own_way()]
-        series.append(self._climb("event", (self._fixed(h, 8 * h + 2) for h in ladder)))
-        series += [self._more_samples(harmonics) for harmonics in SAMPLED_HARMONICS if harmonics >= loaded]
+        series.append(self._climb("event", (self._fixed(h) for h in ladder)))
         series.append(self._drawn_curves())
-        series.append(self._climb("uncoupled", (self._fixed(h, 8 * h + 2, uncoupled=True) for h in ladder)))
+        series.append(self._climb("uncoupled", (self._fixed(h, uncoupled=True) for h in ladder)))
         series.append(self._fewer_modes())
         if self._scene.sector is not None:
-            runs = (self._fixed(h, 8 * h + 2) for h in ladder if h <= 20)
+            runs = (self._fixed(h) for h in ladder if h <= 20)
             series.append(self._climb("wheel", runs, self._wheel))
         return [*series, *self._integrations()]
 
-    def _more_samples(self, harmonics: int) -> Iterator[Way]:
-        """The same harmonics by ever more samples."""
-        fits = [samples for samples in SAMPLES if samples >= 4 * harmonics + 2]
-        yield from self._climb("sampled", (self._fixed(harmonics, samples, by_events=False) for samples in fits))
-
     def _own_way(self) -> Iterator[Way]:
-        """The job's own harmonics and samples."""
+        """The job's own harmonics."""
         options = self._own()
-        way = self._balance("event", self._scene, options, label=_label("event", options))
+        way = self._balance("event", self._scene, options, label=f"H = {options.harmonics}")
         self._take_time(options, way)
         yield replace(way, own=True)
 
     def _take_time(self, options: Options, way: Way) -> None:
         """What a run has taken foretells finer ones; one that was given up has taken at least its limit."""
         seconds = 2.0 * self._seconds if way.too_long else way.seconds
-        self._taken.append((options.harmonics, options.samples, seconds))
+        self._taken.append((options.harmonics, seconds))
 
     def _climb(self, series: str, runs: Iterator[Options], scene: ReducedScene | None = None) -> Iterator[Way]:
         """Ever finer, until one run takes too long, or would; of another scene than the job's, if one is given."""
-        own = None if self._is_automatic() else (self._options.harmonics, self._options.samples)
         for options in runs:
-            label = _label(series, options)
-            counts = series in ("event", "sampled")
-            if series == "sampled" and own == (options.harmonics, options.samples):
-                continue
+            label = f"H = {options.harmonics}"
+            counts = series == "event"
             foreseen = self._foreseen(options) if counts else 0.0
             if foreseen > self._seconds:
-                settings = {"harmonics": options.harmonics, "samples": options.samples}
-                yield Way(series, label, **settings, note=f"would take some {foreseen:.0f} s", too_long=True)
+                yield Way(
+                    series, label, harmonics=options.harmonics, note=f"would take some {foreseen:.0f} s", too_long=True
+                )
                 return
             way = self._balance(series, scene or self._scene, options, label=label)
             if counts:
@@ -268,13 +257,13 @@ class Bench:
                 return
 
     def _foreseen(self, options: Options) -> float:
-        """Seconds, by the run with the most harmonics and samples below those; 0 where there is none."""
-        below = [one for one in self._taken if one[0] <= options.harmonics and one[1] <= options.samples]
+        """Seconds, by the run with the most harmonics up to those; 0 where there is none."""
+        below = [one for one in self._taken if one[0] <= options.harmonics]
         if not below:
             return 0.0
-        harmonics, samples, seconds = max(below)
+        harmonics, seconds = max(below)
         growth = (2 * options.harmonics + 1) / (2 * harmonics + 1)
-        return seconds * growth**HARMONICS_POWER * (options.samples / samples) ** SAMPLES_POWER
+        return seconds * growth**HARMONICS_POWER
 
     def _drawn_curves(self) -> Iterator[Way]:
         """Sweeps with ever more points."""
@@ -318,13 +307,12 @@ class Bench:
         limit = 2.0 * self._seconds if limit is None else limit
         solved = within(limit, lambda: self._solve(scene, options))
         if solved is None:
-            asked = {"harmonics": options.harmonics, "samples": options.samples} | settings
+            asked = {"harmonics": options.harmonics} | settings
             return Way(series, label, **asked, note=f"given up after {limit:.0f} s", too_long=True)
         seconds, points = solved
         last = points[-1]
         found = {
             "harmonics": (last.harmonics.shape[1] - 1) // 2,
-            "samples": 0 if options.by_events else last.samples,
             "seconds": seconds,
             "work": last.work,
         } | settings
@@ -396,10 +384,6 @@ class Bench:
         if orbit.outcome != "converged":
             return Way(series, label, **found, note=f"not steady after {orbit.cycles} cycles")
         return Way(series, label, **found, error=self._error(orbit.amplitude))
-
-
-def _label(series: str, options: Options) -> str:
-    return f"H = {options.harmonics}" + (f", J = {options.samples}" if series == "sampled" else "")
 
 
 def chart_job(

@@ -42,7 +42,6 @@ class Options:
     max_iterations: int = 30
     reset_slider: bool = False
     uncoupled: bool = False
-    by_events: bool = False
     choose_harmonics: bool = False
     integrate_in_time: bool = True
     tolerance: float = 1e-10

@@ -35,8 +35,7 @@ class RawOptions(ctypes.Structure):
 
     _fields_ = [
         *_all(c_int, "harmonics", "samples", "rounds", "max_iterations", "reset_slider", "uncoupled"),
-        *_all(c_int, "by_events", "choose_harmonics"),
-        *_all(c_int, "integrate_in_time"),
+        *_all(c_int, "choose_harmonics", "integrate_in_time"),
         *_all(c_double, "tolerance", "accepted_error", "mode_error", "curve_tolerance"),
     ]
 

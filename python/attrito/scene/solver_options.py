@@ -25,7 +25,6 @@ def solver_options(job: Job, rom: Rom | None = None) -> Options:
         tolerance=balance["residual_tolerance"],
         reset_slider=job["static"]["slider"] == "reset",
         uncoupled=balance["approach"] == "uncoupled",
-        by_events=True,
         choose_harmonics=automatic,
         accepted_error=balance["tolerance"] or 0.0,
         mode_error=0.0 if rom is None else rom.mode_error,

@@ -95,10 +95,8 @@ class SlopedPeaks(SamplePeaks):
         return {"slopes": {"amplitude": found[0].tolist(), "frequency_hz": found[1].tolist()}}
 
     def _has_frequency_slopes(self, here: Solvable) -> bool:
-        """Whether peaks have a frequency that is differentiable: by events, of a whole structure."""
-        scene, _, options = here
-        by_events = options.by_events and bool(np.all(scene.laws["tangents"] < 2))
-        return by_events and scene.sector is None and self._job["peak"]["amplitude"] == "half_range"
+        """Whether derivatives of a peak's frequency may be asked for: of a whole structure."""
+        return here[0].sector is None and self._job["peak"]["amplitude"] == "half_range"
 
     def _by_events(self, family: Family, peak: Peak, here: Solvable, monitor: int, rates: Rates) -> np.ndarray:
         """Of height and frequency, Hz, `[2, parameters]`; NaN where there are none. Collective."""

@@ -105,7 +105,6 @@ class Wedge:
         self._options = Options(
             harmonics=harmonics,
             uncoupled=approach != "C",
-            by_events=True,
             samples=max(128, 8 * harmonics),
             tolerance=1e-12,
         )

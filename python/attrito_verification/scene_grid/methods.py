@@ -72,7 +72,7 @@ def solve_family(family: Family, harmonics: int = HARMONICS) -> dict[str, np.nda
     """Columns `[frequencies]` of one family; see `grid.py` for what they mean."""
     scene, grid = family.scene(), frequencies()
     columns = Columns(len(grid))
-    options = Options(harmonics=harmonics, samples=max(128, 8 * harmonics), by_events=True)
+    options = Options(harmonics=harmonics, samples=max(128, 8 * harmonics))
     with Integrator(scene) as session, Solver(MPI.COMM_SELF, scene, options) as solver:
         _coupled(columns, scene, session, solver, grid)
     started = time.process_time()
@@ -130,7 +130,7 @@ def _try_each(columns: Columns, solver: Solver, index: int, frequency_hz: float)
 
 
 def _uncoupled(columns: Columns, scene: ReducedScene, harmonics: int, grid: np.ndarray) -> None:
-    options = Options(harmonics=harmonics, samples=max(128, 8 * harmonics), by_events=True, uncoupled=True)
+    options = Options(harmonics=harmonics, samples=max(128, 8 * harmonics), uncoupled=True)
     with Solver(MPI.COMM_SELF, scene, options) as solver:
         try:
             solver.follow_static_path(PATH, STATIC_STEPS, grid[0])

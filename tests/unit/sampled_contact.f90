@@ -6,12 +6,12 @@
 !>
 !> so that a stuck contact has a constant g and no Jacobian. Residual and exact Jacobian come from one march.
 !> Source: Cameron & Griffin 1989, doi:10.1115/1.3176036; Zucca & Firrone 2014, eqs. (4)-(8), doi:10.1016/j.jsv.2013.09.032.
-module attrito_contact_quadrature_sampled
+module attrito_testing_sampled_contact
   use attrito_core_kinds, only: wp, pi, two_pi
   use attrito_model_contacts, only: contact_type
   use attrito_contact_forces, only: contact_forces_type, stay_stuck, hold_slider, released
   use attrito_contact_fourier, only: fourier_type
-  use attrito_contact_friction_disc, only: slide_on_disc, differentiate_slide_on_disc, set_out_type
+  use attrito_contact_friction_disc, only: differentiate_slide_on_disc
   use attrito_contact_friction_line, only: slide_along_line, slider_interval, side_landed
   use attrito_contact_slider_projection, only: slider_projection_type, project_slider, projection_gradient
   use attrito_contact_state, only: regime_stick, regime_slip, regime_open, state_stuck, state_shaken_down, state_slipping, &
@@ -19,7 +19,7 @@ module attrito_contact_quadrature_sampled
   use attrito_contact_stuck_bound, only: is_stuck_by_bound, is_stuck_by_samples
   implicit none
   private
-  public :: evaluate_contact_by_samples, contact_samples_type, sample_contact
+  public :: evaluate_contact_by_samples, contact_samples_type, sample_contact, slide_on_disc
 
   !> What happens at the samples of one period
   type :: contact_samples_type
@@ -220,16 +220,12 @@ contains
     real(wp), intent(in) :: slider(2)
     !> How often the period is marched
     integer, intent(in) :: passes
-    type(set_out_type) :: from
     real(wp), allocatable :: gradient(:, :)
     real(wp) :: w(2)
     integer :: pass, k
 
     k = fourier%coefficients
     w = slider
-    associate (last => fourier%samples)
-      from = set_out_type(samples%displacement(last, 1:2), samples%radius(last), samples%slope(last), fourier%basis(:, last))
-    end associate
     if (passes > 1) w = samples%nearest%slider
     if (.not. samples%without_gradients) then
       allocate (gradient(3*k + 2, 2), source=0.0_wp)
@@ -240,11 +236,11 @@ contains
     do pass = 1, passes
       samples%start = w
       if (samples%without_gradients) then
-        call slide_on_disc(samples%displacement(:, 1:2), samples%radius, w, samples%slider, samples%regimes, from)
+        call slide_on_disc(samples%displacement(:, 1:2), samples%radius, w, samples%slider, samples%regimes)
       else
         gradient(3*k + 1:, :) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 1.0_wp], [2, 2])
         call differentiate_slide_on_disc(samples%displacement(:, 1:2), samples%radius, fourier%basis, samples%slope, w, gradient, &
-                                         samples%slider, samples%gradients, samples%regimes, from)
+                                         samples%slider, samples%gradients, samples%regimes)
       end if
       if (pass < passes) samples%moved = samples%moved .or. any(samples%regimes /= regime_stick)
     end do
@@ -252,6 +248,23 @@ contains
     if (samples%without_gradients) return
     samples%forgets = largest_singular_value(gradient(3*k + 1:, :)) < 1.0_wp - 1.0e-9_wp
   end subroutine march_disc
+
+  !> March one period of samples, from the last one, without the gradient.
+  subroutine slide_on_disc(u, r, w, slider, regimes)
+    !> Relative displacement [J, 2]; slip radius [J]
+    real(wp), intent(in) :: u(:, :), r(:)
+    !> Slider at the start, then at the end [2]
+    real(wp), intent(inout) :: w(2)
+    !> Slider after each sample [J, 2]
+    real(wp), intent(out) :: slider(:, :)
+    !> Regime at each sample [J]
+    integer, intent(out) :: regimes(:)
+    real(wp) :: basis(0, size(r)), slope(size(r)), gradient(2, 2), gradients(2, 2, size(r))
+
+    slope = 0.0_wp
+    gradient = 0.0_wp
+    call differentiate_slide_on_disc(u, r, basis, slope, w, gradient, slider, gradients, regimes)
+  end subroutine slide_on_disc
 
   !> Largest singular value of a 2 x 2 matrix.
   pure real(wp) function largest_singular_value(a)
@@ -425,4 +438,4 @@ contains
     call fourier%analyse_gradients(gradients, analysed)
     jacobian = jacobian + analysed(:, :, 1)
   end subroutine add_open_springs
-end module attrito_contact_quadrature_sampled
+end module attrito_testing_sampled_contact
