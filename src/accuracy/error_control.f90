@@ -166,7 +166,7 @@ contains
     call solve_finer(solver, point, wanted(1), wanted(2), .true., iterations, accepted_too)
     if (accepted_too) then
       call self%estimate(solver, .true., point)
-      if (may_suffice(self, self%errors)) then
+      if (may_suffice(self, self%errors) .and. here%errors%are_known()) then
         shown = relative_change(own_monitors(solver), monitors) + here%errors%harmonics
         if (shown <= harmonics_share*self%series%tolerance) call trust(self, solver, shown)
       end if
@@ -274,7 +274,7 @@ contains
     type(finer_point_type) :: finer, of_shorter
     type(kept_point_type) :: shorter
     real(wp), allocatable :: monitors(:, :)
-    real(wp) :: solved, change
+    real(wp) :: own, estimated, change
     integer :: attempt, harmonics, tried, iterations
     logical :: better, was_sure, can_leap, is_worse
 
@@ -283,9 +283,11 @@ contains
     iterations = solver%report%iterations
     tried = solver%options%harmonics
     self%next_harmonics = 0
-    solved = work_of(solver)
-    solver%context%most_work = solved + min(max(self%spare, 0.0_wp), most_work + (solved - begun))
+    own = work_of(solver) - begun
+    self%spare = max(self%spare, 0.0_wp) + own
     call self%estimate(solver, solver%report%converged, finer)
+    estimated = work_of(solver)
+    solver%context%most_work = estimated + min(self%spare, most_work + own)
     if (solver%report%converged .and. self%series%choose_harmonics) call rely_on_comparison(self, solver)
     do attempt = 0, most_refinements
       if (.not. (solver%report%converged .and. self%errors%are_known() .and. self%series%choose_harmonics)) exit
@@ -293,14 +295,14 @@ contains
       ! A series on which estimates are not sure would be solved in vain.
       self%next_harmonics = max(harmonics, merge(0, nint(shrinking*solver%options%harmonics), was_sure))
       self%next_samples = samples_for(solver, harmonics)
-      if (is_accepted(self) .or. attempt == most_refinements .or. self%spare < solved - begun) exit
+      if (is_accepted(self) .or. attempt == most_refinements) exit
       was_sure = was_sure .and. (self%errors%is_sure .or. self%errors%is_stiff)
       harmonics = longer_than(self, solver, harmonics, tried)
       if (harmonics <= tried) exit
       monitors = own_monitors(solver)
       of_shorter = finer
       call shorter%take(solver, self%errors)
-      call leap_or_step(self, solver, finer, harmonics, samples_for(solver, harmonics), can_leap, iterations, better)
+      call leap_or_step(solver, finer, harmonics, samples_for(solver, harmonics), next_longer(tried), can_leap, iterations, better)
       if (better .and. (.not. range%has(solver%omega) .or. solver%options%harmonics <= tried)) then
         call shorter%go_back(solver, self%errors)
         better = .false.
@@ -333,8 +335,7 @@ contains
         finer = of_shorter
       end if
     end do
-    if (.not. is_accepted(self)) self%spare = self%spare - (work_of(solver) - solved)
-    self%spare = self%spare + (solved - begun)
+    if (.not. is_accepted(self)) self%spare = self%spare - (work_of(solver) - estimated)
     solver%context%most_work = huge(1.0_wp)
     if (self%series%choose_harmonics .and. solver%report%converged .and. .not. self%errors%is_sure) then
       self%errors%harmonics = ieee_value(self%errors%harmonics, ieee_quiet_nan)
@@ -346,7 +347,8 @@ contains
   pure logical function is_accepted(self)
     type(error_control_type), intent(in) :: self
 
-    is_accepted = self%errors%are_known() .and. self%series%accepts(self%errors) .and. self%errors%is_sure
+    is_accepted = self%errors%are_known() .and. self%errors%is_sure
+    if (is_accepted) is_accepted = self%series%accepts(self%errors)
   end function is_accepted
 
   !> The length of the series to solve the present point again on.
@@ -377,7 +379,7 @@ contains
     !> Relative change of the monitors from the shorter series
     real(wp), intent(in) :: change
 
-    shows_enough = self%errors%is_sure .and. may_suffice(self, shorter) .and. shorter%at_most > 0.0_wp .and. &
+    shows_enough = self%errors%is_sure .and. may_suffice(self, shorter) .and. &
                    change + self%errors%harmonics <= harmonics_share*self%series%tolerance
   end function shows_enough
 
@@ -393,14 +395,15 @@ contains
   !> Solve the point again on the series that is asked for; if that fails, on the next longer one, and at last from the motion as it
   !> is: the first order may lead far away. A leap to a series that is long and far gives Newton's method little to start from, and
   !> much to do: it is given up early, and none is tried at this point any more.
-  subroutine leap_or_step(self, solver, finer, harmonics, samples, can_leap, iterations, better)
-    type(error_control_type), intent(in) :: self
+  subroutine leap_or_step(solver, finer, harmonics, samples, step, can_leap, iterations, better)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: finer
     !> Highest harmonic, H, and samples a period, J, that are asked for
     integer, intent(in) :: harmonics, samples
+    !> Highest harmonic of the next longer series
+    integer, intent(in) :: step
     !> Has no leap failed at this point?
     logical, intent(inout) :: can_leap
     !> Counts on
@@ -408,10 +411,9 @@ contains
     !> Is there a finer point?
     logical, intent(out) :: better
     type(finer_point_type) :: here
-    integer :: step, samples_of_step
+    integer :: samples_of_step
     logical :: is_leap
 
-    step = next_longer(solver%options%harmonics)
     is_leap = harmonics > max(step, long_series)
     better = .false.
     if (can_leap .or. .not. is_leap) call solve_finer(solver, finer, harmonics, samples, is_leap, iterations, better)
@@ -487,7 +489,7 @@ contains
     type(point_errors_type), intent(in) :: errors
 
     may_suffice = .false.
-    if (.not. errors%are_known() .or. errors%is_stiff) return
+    if (.not. errors%are_known() .or. errors%is_stiff .or. errors%at_most <= 0.0_wp) return
     may_suffice = .not. (errors%is_sure .and. self%series%accepts(errors))
   end function may_suffice
 

@@ -218,7 +218,12 @@ contains
                    tries%failures < most_brief .and. .not. tries%in_frequency, distance)
       deallocate (prediction%motion)
       iterations = iterations + solver%report%iterations
-      accepted = solver%report%converged .and. (is_near(distance) .or. self%size <= smallest_step)
+      if (tries%in_frequency) then
+        accepted = solver%report%converged .and. distance <= self%tolerance .and. &
+                   (solver%omega - before%omega)*self%tangent%omega > 0.0_wp
+      else
+        accepted = solver%report%converged .and. (is_near(distance) .or. self%size <= smallest_step)
+      end if
       if (accepted) accepted = .not. self%secant%is_opposed(solver, before)
       if (accepted) then
         call self%examine_step(solver, before, tries%in_frequency, tangent, point, error)
@@ -241,6 +246,7 @@ contains
           call self%hidden%add_failure()
           if (self%hidden%creep() .and. .not. tries%in_frequency) then
             tries%in_frequency = .true.
+            tries%by_arc = .false.
             call self%predictor%drop_ahead()
             call restore(solver, before)
             cycle
