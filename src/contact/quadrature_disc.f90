@@ -275,7 +275,7 @@ contains
     !> Where the slider goes with the motion; where open, and where closed; one interval of stick
     type(moments_type) :: moving, opened, closed, resting
     type(ends_type) :: ends
-    real(wp) :: closed_normal, force(size(forces%deviation, 1))
+    real(wp) :: closed_normal, force(max(size(forces%deviation, 1), size(coefficients, 1)))
     real(wp), allocatable :: basis(:, :), gradient(:, :, :), product(:, :)
     integer :: i, k, n, order, a
 
@@ -312,7 +312,7 @@ contains
         force = 0.0_wp
         call resting%add_column(-kt, force)
         do a = 1, 2
-          g(:, a) = g(:, a) + record%sliders(a, i)*force
+          g(:, a) = g(:, a) + record%sliders(a, i)*force(:size(g, 1))
         end do
         n = n + 1
         basis(:, n) = force(:k)
