@@ -50,7 +50,7 @@ from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options
 from attrito.support.errors import NumericsError
 
-# Part of a parameter's scale by which differences move it, and what derivatives are to keep: by events, by samples
+# Part of a parameter's scale by which differences move it, and what derivatives are to keep: smooth, bent
 STEPS, TOLERANCES = ((1e-3, 1e-2, 1e-4, 1e-5, 1e-6), (1e-6, 1e-7, 1e-5, 1e-3)), (1e-6, 1e-4)
 # The same at corners, beside which responses may bend within very little
 CORNER_STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
