@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+from itertools import product
 from pathlib import Path
 
 import h5py
@@ -12,11 +13,13 @@ import numpy as np
 import pytest
 import scipy.io
 from edited import edited
-from scipy.sparse import csr_matrix
+from scipy.io import mmwrite
+from scipy.sparse import coo_matrix, csr_matrix
 from scipy.sparse.linalg import eigsh
 from two_springs import DATA, MASS, STIFFNESS
 
 from attrito.importers import check_matrices, import_model, read_matrix, read_mesh
+from attrito.importers.check import lost_diagonals
 from attrito.importers.dof_file import read_dof_file
 from attrito.model.model_file import read_model
 from attrito.support.errors import InputError
@@ -346,8 +349,42 @@ def test_a_dof_without_mass_is_carried_by_stiffness_and_is_not_damped():
 
 def test_coupled_dofs_without_a_diagonal_are_faults():
     """As where the first line of a matrix file is lost."""
-    (fault,) = check_matrices(change(STIFFNESS, 0, 0, 0.0), csr_matrix(MASS), None, "job.toml")
+    (fault,) = lost_diagonals(change(STIFFNESS, 0, 0, 0.0), "k.mtx", "dof {}".format)
     assert (fault.key, fault.value) == ("stiffness", "0 on the diagonal at dof 0")
+    assert "have lines of the file been lost?" in str(fault)
+
+
+def test_rows_of_a_job_and_couplings_of_rounding_may_have_no_diagonal():
+    # A pendulum upside down, between two springs
+    falling = np.array([[2.0, -1.0, 0.0], [-1.0, 0.0, -1.0], [0.0, -1.0, 2.0]])
+    assert check_matrices(csr_matrix(falling), csr_matrix(np.eye(3)), None, "job.toml") == []
+    # A free body's own motion among generalised coordinates
+    free = np.array([[1e6, -1e6, 1e-10], [-1e6, 1e6, -1e-10], [1e-10, -1e-10, 0.0]])
+    assert lost_diagonals(csr_matrix(free), "k.mtx", "dof {}".format) == []
+
+
+def test_a_geometric_stiffness_of_shear_has_no_diagonal(tmp_path):
+    """Of a regular membrane of bilinear elements in pure shear, its inner nodes."""
+    shear, stretch = np.zeros((16, 16)), np.zeros((16, 16))
+    for i, j in product(range(3), range(3)):
+        own = [4 * i + j, 4 * i + j + 4, 4 * i + j + 5, 4 * i + j + 1]
+        for s, t in product((-(3.0**-0.5), 3.0**-0.5), repeat=2):
+            x, y = np.array([t - 1, 1 - t, 1 + t, -1 - t]) / 2, np.array([s - 1, -1 - s, 1 + s, 1 - s]) / 2
+            shear[np.ix_(own, own)] += (np.outer(x, y) + np.outer(y, x)) / 4
+            stretch[np.ix_(own, own)] += (np.outer(x, x) + np.outer(y, y)) / 4
+    inner = [5, 6, 9, 10]
+    shear = np.where(np.abs(shear) > 1e-14, shear, 0.0)[np.ix_(inner, inner)]
+    assert not shear.diagonal().any() and shear.any(), "the test is void"
+    matrices = {"stiffness": 100.0 * stretch[np.ix_(inner, inner)], "mass": np.eye(4), "geometric_stiffness": shear}
+    for name, matrix in matrices.items():
+        mmwrite(tmp_path / f"{name}.mtx", coo_matrix(matrix), precision=17)
+    files = {name: tmp_path / f"{name}.mtx" for name in matrices}
+    model, _ = import_model(tmp_path / "m.h5", holds=["spin_softening"], spin_hz=10.0, **files)
+    assert model.size == 4
+    matrices["stiffness"][0, 0] = 0.0
+    mmwrite(tmp_path / "stiffness.mtx", coo_matrix(matrices["stiffness"]), precision=17)
+    with pytest.raises(InputError, match="stiffness.mtx.*0 on the diagonal"):
+        import_model(tmp_path / "m.h5", stiffness=files["stiffness"], mass=files["mass"])
 
 
 def test_sound_matrices_have_no_faults():

@@ -102,6 +102,12 @@ def test_matrices_along_axes_of_transform_are_refused(tmp_path):
         imported(tmp_path / "own", BODY + TRANSFORM + STEP.replace("MATRIXSTORAGE", "MATRIXSTORAGE, GLOBAL=NO"))
 
 
+@pytest.mark.parametrize("output", ["*NODE FILE", "*NODE PRINT, NSET=ALL", "*EL FILE"])
+def test_output_along_axes_of_transform_changes_no_matrices(tmp_path, output):
+    deck = BODY + TRANSFORM + STEP.replace("*END", f"{output}, GLOBAL=NO\n{'S' if 'EL' in output else 'U'}\n*END")
+    assert imported(tmp_path / "printed", deck)[0].size == 24
+
+
 def test_a_support_along_axes_of_transform_is_said_to_be_an_equation(tmp_path):
     model, notes = imported(tmp_path / "held", BODY + TRANSFORM + "*BOUNDARY\n2,2,2\n" + STEP)
     # One displacement of node 2 depends on the other.

@@ -166,7 +166,7 @@ def _all_come(ranks: Comm) -> bool:
     awaited = [ranks.irecv(source=rank, tag=HERE) for rank in (others if ranks.rank == 0 else [0])]
     while awaited:
         awaited = [one for one in awaited if not one.test()[0]]
-        if time.monotonic() > end:
+        if awaited and time.monotonic() > end:
             return False
         time.sleep(0.001)
     for sent in [ranks.isend(None, rank, HERE) for rank in others if ranks.rank == 0]:

@@ -44,6 +44,22 @@ def check_matrices(
     return faults or _massless(matrices, where, label, without_mass)
 
 
+def lost_diagonals(stiffness: csr_matrix, file: str, label: Callable[[int], str]) -> list[Fault]:
+    """Dofs of a structure's stiffness from a file that are coupled, with nothing on the diagonal.
+
+    Of a positive matrix k_ij^2 <= k_ii k_jj. A file that has lost lines has others; couplings between bodies that
+    nothing holds are rounding. A stiffness that holds stresses or rotation need not be positive.
+    """
+    diagonal = stiffness.diagonal()
+    bare = np.flatnonzero(diagonal == 0.0)
+    coupled = np.ravel(abs(stiffness[bare]).max(axis=1).toarray()) if len(bare) else np.empty(0)
+    lost = bare[coupled > SYMMETRY_TOLERANCE * np.abs(diagonal).max()]
+    if len(lost) == 0:
+        return []
+    expected = "a diagonal in every row with entries: have lines of the file been lost?"
+    return [Fault(file, "stiffness", f"0 on the diagonal at {label(int(lost[0]))}" + _others(len(lost)), expected)]
+
+
 def massless(mass: csr_matrix) -> np.ndarray:
     """Numbers of the dofs (from 0) in whose row of the mass there is nothing but zeros."""
     sums = np.zeros(mass.shape[0])
@@ -58,10 +74,7 @@ def _massless(
     label: Callable[[int], str],
     without_mass: str,
 ) -> list[Fault]:
-    """Dofs without mass where there must be none, or that the others do not carry: by stiffness, without damping.
-
-    No structure has a coupled dof whose own stiffness is zero; a file that has lost lines does.
-    """
+    """Dofs without mass where there must be none, or that the others do not carry: by stiffness, without damping."""
     mass, stiffness, damping = (matrices[name] for name in ("mass", "stiffness", "damping"))
     assert mass is not None and stiffness is not None
     bare = massless(mass)
@@ -78,10 +91,6 @@ def _massless(
         return fault("mass", "no mass", bare, without_mass)
     expected = "stiffness where no mass is (a Lagrange multiplier has none: remove what makes it)"
     faults = fault("stiffness", "no stiffness", bare[stiffness.diagonal()[bare] <= 0.0], expected)
-    carried = np.flatnonzero(stiffness.diagonal() == 0.0)
-    carried = carried[np.asarray(abs(stiffness[carried]).sum(axis=1)).ravel() > 0.0]
-    expected = "a diagonal in every row with entries: have lines of the file been lost?"
-    faults += fault("stiffness", "0 on the diagonal", np.setdiff1d(carried, bare), expected)
     if damping is not None:
         damped = bare[np.asarray(abs(damping[bare]).sum(axis=1)).ravel() > 0.0]
         faults += fault("damping", "damping", damped, "no damping where no mass is")

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from attrito.importers.calculix import read_calculix
-from attrito.importers.check import check_matrices, massless
+from attrito.importers.check import check_matrices, lost_diagonals, massless
 from attrito.importers.dof_file import names_cards, read_dof_file
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.fe_jobs import abaqus_matrices, nastran_matrices
@@ -140,14 +140,18 @@ def _model(
         parts.direction = np.where(np.isin(parts.node, nodes.angles), parts.direction + 3, parts.direction)
         parts.direction[np.isin(parts.node, nodes.elongations)] = 0
     turned = _turned(parts, dofs, mesh, nodes)
-    faults = check_matrices(
-        matrices["stiffness"], matrices["mass"], matrices.get("damping"), where, lambda dof: dof_label(dof, parts)
-    )
+
+    def label(dof: int) -> str:
+        return dof_label(dof, parts)
+
+    faults = check_matrices(matrices["stiffness"], matrices["mass"], matrices.get("damping"), where, label)
+    if not faults and not holds:
+        faults = lost_diagonals(matrices["stiffness"], str(where["stiffness"]), label)
     size = matrices["stiffness"].shape[0]
     geometric = matrices.get("geometric stiffness")
     if geometric is not None:
         at = where | {"stiffness": where["geometric stiffness"]}
-        faults += check_matrices(geometric, matrices["mass"], None, at, lambda dof: dof_label(dof, parts))
+        faults += check_matrices(geometric, matrices["mass"], None, at, label)
     if parts.node is not None and len(parts.node) != size:
         expected = f"one for each of the {size} rows of the stiffness"
         faults.append(Fault(str(dofs), "file", f"{len(parts.node)} dofs", expected))
