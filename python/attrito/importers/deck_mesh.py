@@ -74,7 +74,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         raise InputError(
             transforms[0].fault(transforms[0].parameters.get("NSET", ""), "dofs along x, y, z at every node")
         )
-    # Of output, GLOBAL tells the axes of what is printed.
+    # Of output, GLOBAL says the axes of what is printed.
     steps = [block for block in blocks if transforms and block.keyword == "FREQUENCY"]
     own = [block for block in steps if block.parameters.get("GLOBAL", "").upper().startswith("N")]
     if own:
