@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from jobs import run, table, wedge
@@ -9,7 +11,7 @@ from mpi4py import MPI
 
 from attrito.integration.attractors import pushed
 from attrito.library.family import Family as Members
-from attrito.library.integrator import Integrator, Run
+from attrito.library.integrator import Integrator, Orbit, Run
 from attrito.library.names import ENGINES, ORBITS, STRATEGIES
 from attrito.library.session import Options, Solver
 from attrito.runs.stability import examine_point
@@ -37,6 +39,13 @@ def test_a_very_stiff_contact_without_friction_leaves_a_body_the_response_it_has
     assert float(point["x_amplitude"]) == pytest.approx(free, rel=1e-8)
 
 
+def without_higher(orbit: Orbit, harmonics: int) -> Orbit:
+    """An orbit without what a balance of so many harmonics leaves out."""
+    spectrum = np.fft.rfft(orbit.monitors[-SAMPLES:], axis=0)
+    spectrum[harmonics + 1 :] = 0.0
+    return replace(orbit, monitors=np.fft.irfft(spectrum, SAMPLES, axis=0))
+
+
 def test_a_verdict_on_coarse_harmonics_is_that_of_the_event_exact_orbit():
     # Ten harmonics of an impact: multipliers of the balance's orbit say it is unstable. Motion in time stays.
     family = Family(1, 100.0, 0.3, "apart", 45.0)
@@ -55,7 +64,7 @@ def test_a_verdict_on_coarse_harmonics_is_that_of_the_event_exact_orbit():
     assert chosen.verdict == 1
     assert (orbit.outcome, orbit.period) == ("converged", 1)
     # The largest coordinate against the norm of two, in numerator and denominator: a factor of their root at most.
-    assert 2**-0.5 < distance(point, orbit) / chosen.distance < 2**0.5
+    assert 2**-0.5 < distance(point, without_higher(orbit, 10)) / chosen.distance < 2**0.5
     assert 1e-3 < chosen.distance < NEAR
 
 
@@ -93,7 +102,7 @@ def test_an_orbit_that_leaves_the_balances_within_the_period_is_another_and_how_
     assert reason == f"the event-exact orbit lies {report.distance:.2f} of the amplitude from that of the balance"
     assert orbit.period == 1
     # On a level wall only one coordinate differs.
-    assert distance(point, orbit) == pytest.approx(report.distance, rel=0.2)
+    assert distance(point, without_higher(orbit, 10)) == pytest.approx(report.distance, rel=0.2)
     assert report.distance > NEAR
 
 
