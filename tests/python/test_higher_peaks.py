@@ -231,30 +231,50 @@ def test_a_sweep_ends_beside_a_resonance_that_its_monitor_does_not_show(end):
 
 # Heights and their changes at points from a followed peak on; the points that are higher ends of arcs with a maximum
 @pytest.mark.parametrize(
-    ("heights", "rates", "ends"),
+    ("measure", "heights", "rates", "ends"),
     [
-        ((1.0, 0.97, 0.96, 0.93), (0.0, -1.0, 1.0, -1.0), [2]),
-        ((1.0, 0.92, 0.93, 0.91), (0.0, -1.0, 1.0, -1.0), [2]),
-        ((1.0, 0.92, 0.93, 0.91), (0.0, -1.0, -1.0, -1.0), [2]),
-        ((1.0, 0.97, 0.96, 0.93), (0.0, -1.0, -1.0, -1.0), []),
+        ("half_range", (1.0, 0.97, 0.96, 0.93), (0.0, -1.0, 1.0, -1.0), [2]),
+        ("half_range", (1.0, 0.92, 0.93, 0.91), (0.0, -1.0, 1.0, -1.0), [2]),
+        ("half_range", (1.0, 0.92, 0.93, 0.91), (0.0, -1.0, -1.0, -1.0), [2]),
+        ("half_range", (1.0, 0.97, 0.96, 0.93), (0.0, -1.0, -1.0, -1.0), []),
+        # Changes of half the range say nothing of harmonic 1.
+        ("first_harmonic", (1.0, 0.97, 0.96, 0.93), (0.0, -1.0, 1.0, -1.0), []),
+        ("first_harmonic", (1.0, 0.92, 0.93, 0.91), (0.0, 1.0, 1.0, 1.0), [2]),
     ],
 )
-def test_an_arc_that_rises_where_it_begins_and_falls_where_it_ends_has_a_maximum(heights, rates, ends):
+def test_an_arc_that_rises_where_it_begins_and_falls_where_it_ends_has_a_maximum(measure, heights, rates, ends):
     scene = two_masses(1e6)
     point = points_of(scene, BAND[1])[0]
     points = [
-        point._replace(frequency_hz=1.0 + i, amplitude=np.array([height]), amplitude_rate=np.array([rate]))
+        point._replace(
+            frequency_hz=1.0 + i,
+            amplitude=np.array([height]),
+            amplitude_rate=np.array([rate]),
+            harmonics=height * np.eye(1, 7, 1),
+        )
         for i, (height, rate) in enumerate(zip(heights, rates, strict=True))
     ]
     options = Options(harmonics=3)
     with (
         Solver(MPI.COMM_SELF, scene, options) as solver,
-        HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND) as looking,
+        HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, measure, BAND) as looking,
     ):
         swept = looking._sweep(solver, iter(points), 1.0, 9.0, heights[0], True)
     assert [one.frequency_hz for one in swept.maxima] == [1.0 + i for i in ends]
     # Each is higher than its arc's ends by a tenth at most: all of these may be the highest.
     assert all(one.start is not None for one in swept.maxima)
+
+
+@pytest.mark.parametrize("ratio", [0.98, 1.02])
+def test_a_sweep_from_rest_leads_to_the_highest_of_two_maxima_nearly_the_same(ratio):
+    """All contacts stuck: the first is 1 / (0.05 * 1), the second 1 / (0.05 * 2.5) of its force, but for the other."""
+    scene, options = two_masses(1e6, forces=np.array([1.0, 2.5 * ratio])), Options(harmonics=3)
+    with HigherPeaks(MPI.COMM_SELF, scene, options, PATH, 1, 0, "half_range", BAND) as looking:
+        start = looking.across(1.0)
+    omega = 2.0 * np.pi * np.linspace(*BAND, 1_000_001)
+    response = [f / (r**2 - omega**2 + 1j * DAMPING * omega) for f, r in zip([1.0, 2.5 * ratio], RATES, strict=True)]
+    highest = omega[np.argmax(abs(sum(response)))] / (2.0 * np.pi)
+    assert start.frequency_hz == pytest.approx(highest, rel=1e-5)
 
 
 def test_points_of_a_sweep_tell_how_their_amplitude_changes():

@@ -176,13 +176,12 @@ class HigherPeaks:
             return self._look(solver, followed, preload, anywhere)
 
     def across(self, level: float, preload: float = 1.0) -> Start | None:
-        """A motion near the highest maximum of a sweep over the band from rest; None where that does not arrive."""
+        """The motion at the highest maximum of a sweep over the band from rest; None where that does not arrive."""
         with self._at_rest(preload) as solver:
             start, end = self._band[::-1]
             self.work -= solver.static_work
             swept = self._sweep(solver, solver.sweep(start, end, level, 0, MOST_POINTS), start, end, 0.0, True)
-        highest = max(swept.maxima, key=lambda one: one.amplitude, default=None)
-        return None if highest is None or not swept.reached_end else highest.start
+            return self._highest_of_kept(solver, level, 0.0, swept.maxima, preload)[1] if swept.reached_end else None
 
     @contextmanager
     def _at_rest(self, preload: float) -> Iterator[Solver]:
@@ -208,7 +207,7 @@ class HigherPeaks:
             self.work -= peak.point.work
             sweeps.append(self._sweep(solver, points, peak.frequency_hz, end, peak.amplitude, anywhere))
         maxima = [one for swept in sweeps for one in swept.maxima]
-        better, start = self._highest_of_kept(solver, peak, maxima, preload)
+        better, start = self._highest_of_kept(solver, peak.level, peak.amplitude, maxima, preload)
         height = (followed if better is None else better).peak.amplitude
         drifts = any(swept.drifts_at > (1.0 + SAME) * height for swept in sweeps)
         swept_hz = (sweeps[0].farthest_hz, sweeps[1].farthest_hz)
@@ -246,7 +245,7 @@ class HigherPeaks:
             kept = last is not None and of_one and height > (1.0 - COARSE) * amplitude
             start = Start(point.frequency_hz, solver.coordinates()) if kept else None
             state = solver.save_state() if kept else None
-            rate = point.amplitude_rate[self._monitor]
+            rate = self._rate(point, 0.0 if last is None else height - last.amplitude)
             rises = last is not None and (rate > 0.0 or height > last.amplitude)
             before, last = last, Maximum(height, point.frequency_hz, least, start, state, point.work, rises)
             farthest = (min if end < begin else max)(farthest, point.frequency_hz)
@@ -262,22 +261,26 @@ class HigherPeaks:
         return Sweep(maxima, farthest, reached_end, drifts_at, frequencies, heights)
 
     def _highest_of_kept(
-        self, solver: Solver, peak: Peak, maxima: list[Maximum], preload: float
+        self, solver: Solver, level: float, amplitude: float, maxima: list[Maximum], preload: float
     ) -> tuple[Followed | None, Start | None]:
-        """The highest peak above those maxima that are kept, None if the followed one is the highest."""
+        """The highest peak above those maxima that are kept, None if none is higher than an amplitude."""
         tracker = PeakTracker(solver, self._monitor, self._measure, self._band, self._path[-1])
         kept = sorted((one for one in maxima if one.state is not None), key=lambda one: -one.amplitude)
-        better, start, height = None, None, (1.0 + SAME) * peak.amplitude
+        better, start, height = None, None, (1.0 + SAME) * amplitude
         for one in kept[:MOST_CLIMBS]:
             if one.amplitude < (1.0 - COARSE) * height:
                 break
             solver.load_state(one.state)
-            climbed = tracker.begin_near(one.start, peak.level, preload)
+            climbed = tracker.begin_near(one.start, level, preload)
             self.work += climbed.point.work - one.work
             if climbed.outcome != "not_converged" and climbed.amplitude > height:
                 height = climbed.amplitude
                 better, start = Followed(climbed, solver.save_state()), tracker.start(climbed.frequency_hz)
         return better, start
+
+    def _rate(self, point: Point, change: float) -> float:
+        """How the amplitude changes along the branch; points tell it of half the range, else as it has changed."""
+        return float(point.amplitude_rate[self._monitor]) if self._measure == "half_range" else change
 
     def _amplitude(self, point: Point) -> float:
         if self._measure == "half_range":
