@@ -3,8 +3,8 @@
     .venv/bin/python benchmarks/flips.py --flips 300 --seed 1
 
 A file of each kind is made, a random bit of a random number in it is flipped, and a command reads it. `told` counts
-faults, `same` outputs that are those of the whole file, `cut` journals that end before the record that the bit lies in,
-with what is before it unchanged; all else is `silent` and is to be zero. Prints JSON.
+faults that name the file, `same` outputs that are those of the whole file, `cut` journals that end before the record
+that the bit lies in, with what is before it unchanged; all else is `silent` and is to be zero. Prints JSON.
 """
 
 from __future__ import annotations
@@ -103,6 +103,8 @@ def _journal(folder: Path) -> Made:
         left.exists() and is_journal(left) and len(list(read_journal(str(left)))) > POINTS
     ):
         time.sleep(0.005)
+    if run.poll() is not None:
+        raise RuntimeError("the run has ended before it was killed: no journal is left")
     run.send_signal(signal.SIGKILL)
     run.wait()
     return "result.h5.partial", ("table", "result.h5.partial")
@@ -140,11 +142,11 @@ def look_at(kind: str, flips: int, seed: int) -> dict[str, int]:
             bad[at] ^= 1 << chance.randrange(8)
             path.write_bytes(bad)
             code, found, said = command(folder, *reader)
-            if code == 2:
+            if code == 2 and name in said:
                 ends["told"] += 1
-            elif found == whole and reader[0] == "table":
+            elif code != 2 and found == whole and reader[0] == "table":
                 ends["same"] += 1
-            elif kind == "journal" and whole.startswith(found):
+            elif code != 2 and kind == "journal" and whole.startswith(found):
                 ends["cut"] += 1
             else:
                 ends["silent"] += 1
