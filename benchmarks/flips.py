@@ -1,8 +1,8 @@
-"""Flip bits in numbers of files that attrito has written: is each told, or changes it nothing that is shown?
+"""Flip bits in numbers of files that attrito has written: each is found on reading, or changes nothing that is shown.
 
     .venv/bin/python benchmarks/flips.py --flips 300 --seed 1
 
-A file of each kind is made, a random bit of a random number in it is flipped, and a command reads it. `told` counts
+A file of each kind is made, a random bit of a random number in it is flipped, and a command reads it. `refused` counts
 faults that name the file, `same` outputs that are those of the whole file, `cut` journals that end before the record
 that the bit lies in, with what is before it unchanged; all else is `silent` and is to be zero. Prints JSON.
 """
@@ -126,7 +126,7 @@ KINDS: dict[str, Callable[[Path], Made]] = {
 
 def look_at(kind: str, flips: int, seed: int) -> dict[str, int]:
     """How flips in files of a kind end."""
-    chance, ends = random.Random(f"{seed} {kind}"), Counter({"told": 0, "same": 0, "silent": 0})
+    chance, ends = random.Random(f"{seed} {kind}"), Counter({"refused": 0, "same": 0, "silent": 0})
     with tempfile.TemporaryDirectory() as place:
         folder = Path(place)
         name, reader = KINDS[kind](folder)
@@ -143,7 +143,7 @@ def look_at(kind: str, flips: int, seed: int) -> dict[str, int]:
             path.write_bytes(bad)
             code, found, said = command(folder, *reader)
             if code == 2 and name in said:
-                ends["told"] += 1
+                ends["refused"] += 1
             elif code != 2 and found == whole and reader[0] == "table":
                 ends["same"] += 1
             elif code != 2 and kind == "journal" and whole.startswith(found):

@@ -126,7 +126,7 @@ def scene_rows(machine: dict, name: str, scene: ReducedScene, shares: list[float
 
 
 def compare(machine: dict, scene: ReducedScene, share: float, evaluation: dict[str, float], seconds: float) -> dict:
-    """Both kernels of a scene beside their bounds; a contact that sticks costs nothing."""
+    """Both kernels of a scene and their bounds; a contact that sticks costs nothing."""
     k, rows, modes = 2 * HARMONICS + 1, len(scene.directions), len(scene.mass)
     contacts, tangents = len(scene.laws["tangents"]), scene.laws["tangents"][0]
     whole, contact = residual(k, rows, modes), event_line(k) if tangents == 1 else event_disc(k)

@@ -3,8 +3,8 @@
 !> $$ \max_t |p(t) - \hat p(t)| \, / \, \max_t |\hat p(t) - \hat p_0| $$
 !>
 !> with p the motion of the modes, normalised by mass, up to the balance's highest harmonic, and \hat p_0 the balance's mean. What
-!> moves beyond that harmonic is not of another orbit: the balance leaves it out. Where the period starts they may agree though they
-!> part where contacts hit.
+!> moves beyond that harmonic is not of another orbit: the balance leaves it out. They may agree at the period's start and
+!> part when contacts hit.
 module attrito_stability_distance
   use attrito_core_kinds, only: wp, two_pi
   use attrito_solve_solver, only: solver_type

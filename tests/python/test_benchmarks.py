@@ -340,7 +340,7 @@ def test_a_wave_breaks_in_motion_of_a_wheel_in_which_it_is_unstable():
 
 def test_derivatives_of_random_scenes_are_those_by_differences():
     summary = run("sensitivities.py", "--scenes", "8", "--parameters", "4")["summary"]
-    # By differences beside a corner those of lift-off are known to 1e-4, as all at corners; one of two keeps 1e-6.
+    # Next to a corner differences are known to 1e-4: those of lift-off keep that, and in one of two scenes 1e-6.
     lift_off = summary["smooth"].pop("onset of lift-off")
     assert all(kind["largest"] < 1e-4 for kind in lift_off.values() if isinstance(kind, dict))
     for by in ("smooth", "bent"):

@@ -158,7 +158,7 @@ def _tell(message: str, code: int) -> int:
 
 
 def _all_come(ranks: Comm) -> bool:
-    """Whether all ranks come here within some seconds: rank 0 hears from each and answers."""
+    """Whether all ranks come here within some seconds: rank 0 takes a message of each and answers."""
     others, end = range(1, ranks.size), time.monotonic() + PATIENCE
     if ranks.rank:
         ranks.isend(None, 0, HERE)
