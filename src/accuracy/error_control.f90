@@ -1,11 +1,11 @@
-!> A series just long enough for the error that is accepted, and samples just dense enough, chosen point by point.
+!> A series just long enough for the error that is accepted, chosen point by point.
 !>
 !> Harmonics left out fade as those do that are there, so the tail of the motion says how many more, or fewer, are needed for the
 !> estimated error (`attrito_accuracy_error_estimate`). A longer series is solved if the estimate is too large or not sure, until two
 !> series agree: their difference outweighs what the shorter one was estimated at. The point stays on that, and the part that the
 !> difference was of what had been open holds for the next points of the branch.
 !>
-!> Along a branch harmonics and samples stay. A change moves the branch by about its error, which may be more than a step does: the
+!> Along a branch harmonics stay. A change moves the branch by about its error, which may be more than a step does: the
 !> point is solved again in its own plane first, and the tangent found there. More are taken when a point asks for them, fewer when
 !> several points in a row ask for less than half, or, of a long series, for less than three quarters.
 module attrito_accuracy_error_control
@@ -39,15 +39,15 @@ module attrito_accuracy_error_control
   real(wp), parameter :: most_work = 5.0e10_wp ! guess
 
   type :: error_control_type
-    !> What is asked of harmonics and samples
+    !> What is asked of harmonics
     type(series_length_type) :: series
     !> Of the present point; `modes` is the same for all points
     type(point_errors_type) :: errors
     type(error_estimate_type), private :: estimator
     !> Of the first listed frequency, and for the point that comes next
-    integer, private :: first(2) = 0, next_harmonics = 0, next_samples = 0
-    !> Points of a branch in a row that ask for so little; the most harmonics and samples that these ask for
-    integer, private :: asked = 0, most_asked(2) = 0
+    integer, private :: first = 0, next_harmonics = 0
+    !> Points of a branch in a row that ask for so little; the most harmonics that these ask for
+    integer, private :: asked = 0, most_asked = 0
     !> Operations that longer series may still take in vain: as many as the points themselves have taken, and some more
     real(wp), private :: spare = most_work
     type(series_comparison_type), private :: comparison
@@ -81,19 +81,15 @@ contains
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%errors%harmonics)
-    call store%keep(self%errors%samples)
-    call store%keep(self%first(1))
-    call store%keep(self%first(2))
+    call store%keep(self%first)
     call store%keep(self%next_harmonics)
-    call store%keep(self%next_samples)
     call store%keep(self%asked)
-    call store%keep(self%most_asked(1))
-    call store%keep(self%most_asked(2))
+    call store%keep(self%most_asked)
     call store%keep(self%spare)
     call self%comparison%keep(store)
   end subroutine keep
 
-  !> The sweep's next point, within the accepted error where harmonics or samples are to be chosen.
+  !> The sweep's next point, within the accepted error if harmonics are to be chosen.
   subroutine advance(self, sweep, solver)
     class(error_control_type), intent(inout) :: self
     !> Sweep that goes on
@@ -101,17 +97,17 @@ contains
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     real(wp) :: begun
-    integer :: resolution(2), branch
+    integer :: harmonics, branch
 
     begun = work_of(solver)
-    resolution = [solver%options%harmonics, solver%options%samples]
+    harmonics = solver%options%harmonics
     branch = merge(sweep%branch, -1, sweep%points > 0)
     call sweep%advance(solver)
     if (sweep%branch /= branch) call begin_branch(self)
     call refine(self, solver, sweep%range, begun)
     call coarsen(self, solver)
     call sweep%set_harmonics(solver%options%harmonics)
-    if (any(resolution /= [solver%options%harmonics, solver%options%samples])) call sweep%look_here(solver)
+    if (solver%options%harmonics /= harmonics) call sweep%look_here(solver)
   end subroutine advance
 
   !> What the points of another branch have shown says nothing of this one.
@@ -134,12 +130,12 @@ contains
     type(finer_point_type) :: point
     real(wp), allocatable :: monitors(:, :)
     real(wp) :: shown
-    integer :: now(2), wanted(2), iterations
+    integer :: now, wanted, iterations
     logical :: accepted_too
 
-    now = [solver%options%harmonics, solver%options%samples]
-    wanted = [self%next_harmonics, self%next_samples]
-    if (.not. solver%report%converged .or. self%next_harmonics <= 0 .or. all(wanted > modest(now))) then
+    now = solver%options%harmonics
+    wanted = self%next_harmonics
+    if (.not. solver%report%converged .or. wanted <= 0 .or. wanted > modest(now)) then
       self%asked = 0
       self%most_asked = 0
       return
@@ -147,15 +143,13 @@ contains
     self%asked = self%asked + 1
     self%most_asked = max(self%most_asked, wanted)
     if (self%asked < patience) return
-    wanted = merge(self%most_asked, now, self%most_asked <= modest(now))
-    wanted(2) = min(max(wanted(2), 6*wanted(1) + 2), now(2))
+    wanted = self%most_asked
     self%asked = 0
     self%most_asked = 0
     iterations = solver%report%iterations
-    if (all(wanted == now)) return
     if (solver%all_stick) then
       ! A linear response is the same on any series.
-      call solver%set_resolution(wanted(1), wanted(2))
+      call solver%set_harmonics(wanted)
       call solver%solve_stuck_at(solver%omega, accepted_too)
       solver%report%iterations = iterations
       return
@@ -163,7 +157,7 @@ contains
     call here%take(solver, self%errors)
     monitors = own_monitors(solver)
     point%motion = solver%motion
-    call solve_finer(solver, point, wanted(1), wanted(2), .true., iterations, accepted_too)
+    call solve_finer(solver, point, wanted, .true., iterations, accepted_too)
     if (accepted_too) then
       call self%estimate(solver, .true., point)
       if (may_suffice(self, self%errors) .and. here%errors%are_known()) then
@@ -176,13 +170,12 @@ contains
     solver%report%iterations = iterations
   end subroutine coarsen
 
-  !> The most harmonics and samples that a series is cut to.
-  pure function modest(now)
-    !> Harmonics and samples of the series
-    integer, intent(in) :: now(2)
-    integer :: modest(2)
+  !> The most harmonics that a series is cut to.
+  pure integer function modest(now)
+    !> Harmonics of the series
+    integer, intent(in) :: now
 
-    modest = merge((3*now)/4, now/2, now(1) > long_series)
+    modest = merge((3*now)/4, now/2, now > long_series)
   end function modest
 
   !> The same at one angular frequency.
@@ -215,17 +208,16 @@ contains
     real(wp), intent(in) :: omega
     type(snapshot_type) :: before
     type(evidence_type) :: previous
-    integer :: lengths(3), samples, iterations, i
+    integer :: lengths(3), iterations, i
 
     before = snapshot_of(solver)
     previous = solver%evidence
-    samples = solver%options%samples
     lengths = [solver%options%harmonics, max(self%series%fewest_harmonics, short_series), self%series%fewest_harmonics]
     iterations = 0
     do i = 1, size(lengths)
       if (i > 1) then
         if (lengths(i) >= solver%options%harmonics) cycle
-        call solver%set_resolution(lengths(i), samples)
+        call solver%set_harmonics(lengths(i))
         solver%evidence = previous
       end if
       call solve_by_strategies(solver, omega, at_little_cost=lengths(i) > long_series)
@@ -234,7 +226,7 @@ contains
     end do
     solver%report%iterations = iterations
     if (solver%report%converged) return
-    call solver%set_resolution(lengths(1), samples)
+    call solver%set_harmonics(lengths(1))
     if (.not. solver%evidence%is_drifting) call restore(solver, before)
   end subroutine solve_on_some_series
 
@@ -248,14 +240,14 @@ contains
     real(wp), intent(in) :: omega
 
     call begin_branch(self)
-    if (self%first(1) == 0) self%first = [solver%options%harmonics, solver%options%samples]
+    if (self%first == 0) self%first = solver%options%harmonics
     if (solver%options%reset_slider) then
-      call solver%set_resolution(self%first(1), self%first(2))
+      call solver%set_harmonics(self%first)
       call solver%rest()
       solver%omega = omega
       solver%evidence = evidence_type()
     else if (self%next_harmonics > 0) then
-      call solver%set_resolution(self%next_harmonics, self%next_samples)
+      call solver%set_harmonics(self%next_harmonics)
     end if
   end subroutine begin_point
 
@@ -294,7 +286,6 @@ contains
       harmonics = self%series%needed_harmonics(solver, self%errors, finer)
       ! A series on which estimates are not sure would be solved in vain.
       self%next_harmonics = max(harmonics, merge(0, nint(shrinking*solver%options%harmonics), was_sure))
-      self%next_samples = samples_for(solver, harmonics)
       if (is_accepted(self) .or. attempt == most_refinements) exit
       was_sure = was_sure .and. (self%errors%is_sure .or. self%errors%is_stiff)
       harmonics = longer_than(self, solver, harmonics, tried)
@@ -302,7 +293,7 @@ contains
       monitors = own_monitors(solver)
       of_shorter = finer
       call shorter%take(solver, self%errors)
-      call leap_or_step(solver, finer, harmonics, samples_for(solver, harmonics), next_longer(tried), can_leap, iterations, better)
+      call leap_or_step(solver, finer, harmonics, next_longer(tried), can_leap, iterations, better)
       if (better .and. (.not. range%has(solver%omega) .or. solver%options%harmonics <= tried)) then
         call shorter%go_back(solver, self%errors)
         better = .false.
@@ -310,7 +301,6 @@ contains
       if (.not. better) then
         ! The next point had better begin with a series that has a solution.
         self%next_harmonics = solver%options%harmonics
-        self%next_samples = solver%options%samples
         exit
       end if
       call self%estimate(solver, .true., finer)
@@ -321,7 +311,6 @@ contains
         if (.not. self%errors%is_sure) call compare(self, solver, change, shorter%errors)
         if (shows_enough(self, shorter%errors, change)) then
           self%next_harmonics = solver%options%harmonics
-          self%next_samples = solver%options%samples
           change = change + self%errors%harmonics
           call shorter%go_back(solver, self%errors)
           call trust(self, solver, change)
@@ -395,15 +384,13 @@ contains
   !> Solve the point again on the series that is asked for; if that fails, on the next longer one, and at last from the motion as it
   !> is: the first order may lead far away. A leap to a series that is long and far gives Newton's method little to start from, and
   !> much to do: it is given up early, and none is tried at this point any more.
-  subroutine leap_or_step(solver, finer, harmonics, samples, step, can_leap, iterations, better)
+  subroutine leap_or_step(solver, finer, harmonics, step, can_leap, iterations, better)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: finer
-    !> Highest harmonic, H, and samples a period, J, that are asked for
-    integer, intent(in) :: harmonics, samples
-    !> Highest harmonic of the next longer series
-    integer, intent(in) :: step
+    !> Highest harmonic, H, that is asked for, and that of the next longer series
+    integer, intent(in) :: harmonics, step
     !> Has no leap failed at this point?
     logical, intent(inout) :: can_leap
     !> Counts on
@@ -411,33 +398,20 @@ contains
     !> Is there a finer point?
     logical, intent(out) :: better
     type(finer_point_type) :: here
-    integer :: samples_of_step
     logical :: is_leap
 
     is_leap = harmonics > max(step, long_series)
     better = .false.
-    if (can_leap .or. .not. is_leap) call solve_finer(solver, finer, harmonics, samples, is_leap, iterations, better)
+    if (can_leap .or. .not. is_leap) call solve_finer(solver, finer, harmonics, is_leap, iterations, better)
     if (better) return
     can_leap = can_leap .and. .not. is_leap
-    samples_of_step = samples
     if (harmonics > step) then
-      samples_of_step = samples_for(solver, step)
-      call solve_finer(solver, finer, step, samples_of_step, .false., iterations, better)
+      call solve_finer(solver, finer, step, .false., iterations, better)
       if (better) return
     end if
     here%motion = solver%motion
-    call solve_finer(solver, here, min(harmonics, step), samples_of_step, .false., iterations, better)
+    call solve_finer(solver, here, min(harmonics, step), .false., iterations, better)
   end subroutine leap_or_step
-
-  !> Samples of a series: those of before, but no fewer than see three times its harmonics; events need none.
-  pure integer function samples_for(solver, harmonics)
-    !> Solver of points
-    type(solver_type), intent(in) :: solver
-    !> Highest harmonic, H
-    integer, intent(in) :: harmonics
-
-    samples_for = max(solver%options%samples, 6*harmonics + 2)
-  end function samples_for
 
   !> Take what the point differs by from the same on a shorter series for its error; that is sure once it is accepted. It says nothing
   !> of a harmonic that both lack.
@@ -464,19 +438,19 @@ contains
 
     self%errors%harmonics = shown
     self%errors%is_sure = .true.
-    call self%comparison%take([solver%options%harmonics, solver%options%samples], shown, self%errors%at_most)
+    call self%comparison%take(solver%options%harmonics, shown, self%errors%at_most)
   end subroutine trust
 
   !> Along a branch an estimate that does not suffice counts by what the last comparison of two series found.
   subroutine rely_on_comparison(self, solver)
     type(error_control_type), intent(inout) :: self
-    !> Solver of points: its harmonics and samples
+    !> Solver of points: its harmonics
     type(solver_type), intent(in) :: solver
     real(wp) :: error
     logical :: is_known
 
     if (.not. may_suffice(self, self%errors)) return
-    call self%comparison%bound([solver%options%harmonics, solver%options%samples], self%errors%at_most, error, is_known)
+    call self%comparison%bound(solver%options%harmonics, self%errors%at_most, error, is_known)
     if (.not. is_known .or. error > harmonics_share*self%series%tolerance) return
     self%errors%harmonics = error
     self%errors%is_sure = .true.

@@ -60,7 +60,7 @@ contains
     logical, intent(in) :: solved
     !> That is asked for; `no_tolerance` where none is
     real(wp), intent(in) :: tolerance
-    !> By harmonics and samples; that of the modes stays
+    !> By harmonics; that of the modes stays
     type(point_errors_type), intent(inout) :: errors
     !> The point on the longer series, to first order
     type(finer_point_type), intent(out) :: finer

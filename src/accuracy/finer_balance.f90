@@ -1,4 +1,4 @@
-!> What a solved balance would change by if it were finer: harmonics up to K rather than H, or more samples, to first order.
+!> What a solved balance would change by if it were finer: harmonics up to K rather than H, to first order.
 !>
 !> $$ d_h = -R_h g_h \quad (h = H + 1 \ldots K), \qquad \delta g = g(d_0 \ldots d_K) - g(d_0 \ldots d_H), \qquad
 !>    (I + R D) \, \delta d = -R \, \delta g $$
@@ -6,7 +6,7 @@
 !> The forces that the balance leaves out move the structure at harmonics beyond H, through the receptance of the stuck modes, which
 !> is diagonal, or that of the structure with its contacts as in the mean (`attrito_newton_mean_contacts`); contacts that feel this
 !> motion too give other forces at the harmonics that are kept, and these move the point by one linearised step, along the equation
-!> that picked the point. More samples change the forces alone. Contacts that stick are linear.
+!> that picked the point. Contacts that stick are linear.
 module attrito_accuracy_finer_balance
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized, to_complex, to_real

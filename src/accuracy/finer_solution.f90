@@ -17,13 +17,13 @@ module attrito_accuracy_finer_solution
 contains
 
   !> Solve the point again, finer, from where it is expected; back to what it was if that fails.
-  subroutine solve_finer(solver, finer, harmonics, samples, early_stop, iterations, better)
+  subroutine solve_finer(solver, finer, harmonics, early_stop, iterations, better)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> Point by the finer balance, to first order
     type(finer_point_type), intent(in) :: finer
-    !> Highest harmonic, H; samples a period, J
-    integer, intent(in) :: harmonics, samples
+    !> Highest harmonic, H
+    integer, intent(in) :: harmonics
     !> Give up after a few iterations of Newton's method
     logical, intent(in) :: early_stop
     !> Counts on
@@ -35,16 +35,16 @@ contains
     type(constraint_type) :: constraint
     real(wp), allocatable :: slider(:, :)
     logical, allocatable :: periodic(:)
-    integer :: resolution(2), status
+    integer :: shorter, status
 
     before = snapshot_of(solver)
     report = solver%report
-    resolution = [solver%options%harmonics, solver%options%samples]
+    shorter = solver%options%harmonics
     ! Two series are compared from the same start: sliders at rest begin where the point's first solve did.
     slider = solver%context%balance%slider
     periodic = solver%context%balance%periodic
     if (allocated(solver%slider_before)) slider = merge(slider, solver%slider_before, spread(periodic, 1, size(slider, 1)))
-    call solver%set_resolution(harmonics, samples)
+    call solver%set_harmonics(harmonics)
     call solver%set_slider(slider, periodic)
     solver%motion = resized(finer%motion, 2*harmonics + 1)
     constraint = solver%context%constraint
@@ -53,7 +53,7 @@ contains
     ! The constraint's plane meets branches far away, too.
     better = solver%report%converged .and. abs(solver%omega - before%omega) <= farthest*before%omega
     if (better) return
-    call solver%set_resolution(resolution(1), resolution(2))
+    call solver%set_harmonics(shorter)
     call restore(solver, before)
     call solver%context%balance%evaluate(solver%motion, solver%omega, status)
     solver%report = report

@@ -10,8 +10,8 @@ module attrito_accuracy_kept_point
   public :: kept_point_type
 
   type :: kept_point_type
-    !> Highest harmonic, H, and samples a period, J
-    integer :: resolution(2) = 0
+    !> Highest harmonic, H
+    integer :: harmonics = 0
     type(point_errors_type) :: errors
     type(snapshot_type), private :: snapshot
     type(evaluation_type), private :: evaluation
@@ -31,7 +31,7 @@ contains
     !> Of that point
     type(point_errors_type), intent(in) :: errors
 
-    self%resolution = [solver%options%harmonics, solver%options%samples]
+    self%harmonics = solver%options%harmonics
     self%errors = errors
     self%snapshot = snapshot_of(solver)
     self%report = solver%report
@@ -46,7 +46,7 @@ contains
     !> Of that point
     type(point_errors_type), intent(out) :: errors
 
-    call solver%set_resolution(self%resolution(1), self%resolution(2))
+    call solver%set_harmonics(self%harmonics)
     call restore(solver, self%snapshot)
     call take_up(solver%context%balance, self%evaluation)
     solver%report = self%report

@@ -9,9 +9,9 @@ module attrito_accuracy_point_errors
   !> A tolerance that no error exceeds, one that is not known included
   real(wp), parameter :: no_tolerance = huge(1.0_wp) ! conventional
 
-  !> Relative errors of the amplitude; by harmonics and samples NaN where the linearised step that estimates them is singular
+  !> Relative errors of the amplitude; by harmonics NaN where the linearised step that estimates them is singular
   type :: point_errors_type
-    real(wp) :: harmonics = 0.0_wp, samples = 0.0_wp, modes = 0.0_wp
+    real(wp) :: harmonics = 0.0_wp, modes = 0.0_wp
     !> Is the estimate sure? Is it not for the stiffness of contacts alone?
     logical :: is_sure = .true., is_stiff = .false.
     !> Harmonics that have not settled, up to this one
@@ -36,7 +36,7 @@ contains
   pure real(wp) function all(self)
     class(point_errors_type), intent(in) :: self
 
-    all = self%harmonics + self%samples + self%modes
+    all = self%harmonics + self%modes
   end function all
 
   !> Is there an estimate?
@@ -67,6 +67,6 @@ contains
 
     error = ieee_value(error, ieee_quiet_nan)
     if (.not. allocated(self%work) .or. .not. self%are_known()) return
-    error = max(self%work(contact), 2.0_wp*(self%harmonics + self%samples)*abs(work)) + 2.0_wp*self%modes*abs(work)
+    error = max(self%work(contact), 2.0_wp*self%harmonics*abs(work)) + 2.0_wp*self%modes*abs(work)
   end function of_work
 end module attrito_accuracy_point_errors

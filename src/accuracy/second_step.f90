@@ -57,7 +57,7 @@ contains
 
   !> From where the first step has ended; `first` stays.
   subroutine step_again(finer, solver, first, threshold, most_answers, second)
-    !> Balance with more harmonics or samples
+    !> Balance with more harmonics
     type(finer_balance_type), intent(in) :: finer
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -169,7 +169,7 @@ contains
 
   !> Forces of all contacts of this rank at a motion, those included that stuck before it.
   subroutine evaluate_all(finer, solver, first, motion, deviation, change, released)
-    !> Balance with more harmonics or samples
+    !> Balance with more harmonics
     type(finer_balance_type), intent(in) :: finer
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver

@@ -1,4 +1,4 @@
-!> What a comparison of two series has shown of a point holds for the next points of the branch, while harmonics and samples stay:
+!> What a comparison of two series has shown of a point holds for the next points of the branch, while harmonics stay:
 !>
 !> $$ e \le 2 \, \frac{e_c}{o_c} \, o, $$
 !>
@@ -10,15 +10,15 @@ module attrito_accuracy_series_comparison
   private
   public :: caution, patience, series_comparison_type
 
-  !> Points of a branch in a row that ask for fewer harmonics or samples before these fall, and that a comparison of two series
+  !> Points of a branch in a row that ask for fewer harmonics before these fall, and that a comparison of two series
   !> holds for
   integer, parameter :: patience = 5 ! guess
   !> So many times what a comparison found of what was open is the error of the points that it holds for
   real(wp), parameter :: caution = 2.0_wp ! guess
 
   type :: series_comparison_type
-    !> Points of the branch that it still holds for; their harmonics and samples
-    integer, private :: left = 0, resolution(2) = 0
+    !> Points of the branch that it still holds for; their harmonics
+    integer, private :: left = 0, harmonics = 0
     !> The error that it found, in units of what was open
     real(wp), private :: change = 1.0_wp
   contains
@@ -31,15 +31,15 @@ module attrito_accuracy_series_comparison
 contains
 
   !> Two series have been compared.
-  pure subroutine take(self, resolution, shown, left_open)
+  pure subroutine take(self, harmonics, shown, left_open)
     class(series_comparison_type), intent(inout) :: self
-    !> Harmonics and samples of the shorter one
-    integer, intent(in) :: resolution(2)
+    !> Harmonics of the shorter one
+    integer, intent(in) :: harmonics
     !> Its error as shown by the longer one, and what its estimate leaves open
     real(wp), intent(in) :: shown, left_open
 
     self%left = patience
-    self%resolution = resolution
+    self%harmonics = harmonics
     self%change = shown/max(left_open, tiny(1.0_wp))
   end subroutine take
 
@@ -50,17 +50,17 @@ contains
     self%left = 0
   end subroutine forget
 
-  !> The error of a further point; not known if it holds for no more points, or on another resolution.
-  pure subroutine bound(self, resolution, left_open, error, is_known)
+  !> The error of a further point; not known if it holds for no more points, or on another series.
+  pure subroutine bound(self, harmonics, left_open, error, is_known)
     class(series_comparison_type), intent(inout) :: self
-    !> Harmonics and samples
-    integer, intent(in) :: resolution(2)
+    !> Of its series
+    integer, intent(in) :: harmonics
     !> What its estimate leaves open
     real(wp), intent(in) :: left_open
     real(wp), intent(out) :: error
     logical, intent(out) :: is_known
 
-    is_known = self%left > 0 .and. all(self%resolution == resolution)
+    is_known = self%left > 0 .and. self%harmonics == harmonics
     error = caution*self%change*left_open
     if (is_known) self%left = self%left - 1
   end subroutine bound
@@ -72,8 +72,7 @@ contains
     type(state_store_type), intent(inout) :: store
 
     call store%keep(self%left)
-    call store%keep(self%resolution(1))
-    call store%keep(self%resolution(2))
+    call store%keep(self%harmonics)
     call store%keep(self%change)
   end subroutine keep
 end module attrito_accuracy_series_comparison

@@ -20,7 +20,7 @@ contains
 
   !> The larger of the changes to where either step of the estimate leads, of each of this rank's contacts.
   subroutine estimate_work_errors(finer, solver, first, second, errors)
-    !> Balance with more harmonics or samples
+    !> Balance with more harmonics
     type(finer_balance_type), intent(in) :: finer
     !> Solver of points, at a solution
     type(solver_type), intent(inout) :: solver
@@ -44,7 +44,7 @@ contains
 
   !> Work of each of this rank's contacts by the finer balance at a motion.
   function finer_work(finer, solver, motion, moved) result(work)
-    !> Balance with more harmonics or samples
+    !> Balance with more harmonics
     type(finer_balance_type), intent(in) :: finer
     !> Solver of points, at a solution
     type(solver_type), intent(inout) :: solver

@@ -177,9 +177,9 @@ void attrito_prepare_mode(void *handle, int shapes, const double *cosine, const 
 /* Followed to another amplitude. */
 void attrito_backbone_at(void *handle, double amplitude, int branch, attrito_backbone *backbone);
 
-/* Relative errors of the last point by harmonics and by samples, of frequency, negative damping or monitors, whichever is the
- * largest; NaN where they are not known. */
-void attrito_mode_errors(void *handle, double *harmonics, double *samples);
+/* Relative error of the last point by harmonics, of frequency, negative damping or monitors, whichever is the largest; NaN if it
+ * is not known. */
+void attrito_mode_errors(void *handle, double *harmonics);
 
 typedef struct {
     int kind;

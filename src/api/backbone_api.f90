@@ -98,20 +98,19 @@ contains
     call describe(session, branch, backbone)
   end subroutine attrito_backbone_at
 
-  !> Relative errors of the last point by harmonics and by samples, of frequency, negative damping or monitors, whichever is the
-  !> largest; NaN where they are not known.
-  subroutine attrito_mode_errors(handle, harmonics, samples) bind(c)
+  !> Relative error of the last point by harmonics, of frequency, negative damping or monitors, whichever is the largest; NaN if it
+  !> is not known.
+  subroutine attrito_mode_errors(handle, harmonics) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> By harmonics; by samples
-    real(c_double), intent(out) :: harmonics, samples
+    !> By harmonics
+    real(c_double), intent(out) :: harmonics
     type(session_type), pointer :: session
     type(point_errors_type) :: errors
 
     session => session_of(handle)
     call estimate_mode_errors(session%finer_estimator, session%solver, session%backbone, errors)
     harmonics = errors%harmonics
-    samples = errors%samples
   end subroutine attrito_mode_errors
 
   subroutine describe(session, branch, backbone)

@@ -492,7 +492,7 @@ contains
 
     point = point_type(report%branch, report%iterations, report%linear_iterations, report%findings%outcome(), report%unique, 0, 0, &
                        report%states, report%series, report%samples, report%petsc_error, report%frequency_hz, report%level, &
-                       report%residual, report%errors%all(), report%errors%harmonics, report%errors%samples, &
+                       report%residual, report%errors%all(), report%errors%harmonics, 0.0_c_double, &
                        report%errors%modes, report%work)
   end function point_of
 end module attrito_api_solver

@@ -19,7 +19,7 @@ module attrito_balance_set_up
   use attrito_linear_split_receptance, only: split_receptance_type
   implicit none
   private
-  public :: new_balance, set_resolution, take_contacts
+  public :: new_balance, set_harmonics_of_balance, take_contacts
 
 contains
 
@@ -79,7 +79,7 @@ contains
 
   !> Go on with another length of the series. Sliders stay; response and deviation keep the harmonics that both
   !> lengths have; residual and Jacobian are to be evaluated anew.
-  subroutine set_resolution(self, structure, harmonics)
+  subroutine set_harmonics_of_balance(self, structure, harmonics)
     type(balance_type), intent(inout) :: self
     !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
@@ -102,7 +102,7 @@ contains
     allocate (self%response_omega, mold=self%response)
     self%changes = self%changes + 1
     self%split = split_receptance_type()
-  end subroutine set_resolution
+  end subroutine set_harmonics_of_balance
 
   !> Coefficients of the forces that are kept: those beyond the series show what it leaves out.
   pure integer function deviation_coefficients(self)

@@ -285,7 +285,7 @@ contains
     part = -1.0_wp
     if (.not. min(self%size, self%last%length) > smallest_step) return
     if (error > 1.0_wp) then
-      ! Halving is of no use where the branch is in pieces, as samples may leave it: the arc becomes no shorter.
+      ! Halving is of no use if the branch is in pieces: the arc becomes no shorter.
       if (self%last%length < tries%shortest) part = 0.5_wp
       tries%shortest = self%last%length
     else if (tries%peaks < most_peaks) then

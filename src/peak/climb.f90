@@ -6,10 +6,10 @@
 !> $$ s = A'[c_t]/A = -\tan\varphi, $$
 !>
 !> lengths being relative changes of the motion and phi the angle from the peak on the circle of a single mode: a step of atan s ends
-!> near the peak without any second derivative, and secants close in. Of samples s jumps a little wherever one of them begins to slip,
-!> and peaks are at corners too, where a contact does: between a point at which A rises and one at which it falls secants and halvings
-!> go on until the tangents of both leave next to nothing of A to be gained; where ends differ however near the response jumps.
-!> Planes stand across the tangent, so folds are passed.
+!> near the peak without any second derivative, and secants close in. A peak may be at a corner, too, at which a contact begins to
+!> slip: between a point at which A rises and one at which it falls secants and halvings go on until the tangents of both leave next
+!> to nothing of A to be gained; if ends differ however near, the response jumps. Planes stand across the tangent, so folds are
+!> passed.
 module attrito_peak_climb
   use attrito_core_kinds, only: wp
   use attrito_core_secant, only: secant_share, within
@@ -30,7 +30,7 @@ module attrito_peak_climb
   !> Steps, relative changes of the motion; of the frequency, parts of the band; from prediction to correction
   real(wp), parameter :: longest_step = 0.7_wp, shortest_step = 1.0e-4_wp, most_frequency = 0.05_wp, accepted_error = 0.3_wp ! guess
   integer, parameter :: most_points = 60 ! conventional
-  !> Slope at a corner, tan phi, below which it counts as smooth: samples leave the slope small jumps
+  !> Slope at a corner, tan phi, below which it counts as smooth
   real(wp), parameter :: noticeable = 1.0e-2_wp ! guess
   !> Rise and fall between two points, relative, below which they are the same
   real(wp), parameter :: ripple = 1.0e-6_wp ! guess

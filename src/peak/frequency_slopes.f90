@@ -8,8 +8,6 @@
 !>
 !> $$ (\tilde Z + B^T D B) \, q_{p \omega} = -\tilde Z_\omega q_p - \tilde Z_p q_\omega - \tilde Z_{p \omega} q
 !>    - B^T \left( (J d_\omega)' - J d_{p \omega} \right) $$
-!>
-!> Contacts by samples have a Jacobian that jumps wherever a sample changes its regime: such a peak's frequency has no derivative.
 module attrito_peak_frequency_slopes
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp

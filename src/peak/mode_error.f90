@@ -1,4 +1,4 @@
-!> The relative error of a point of a mode by its series and samples, estimated as that of a forced point is.
+!> The relative error of a point of a mode by its series, estimated as that of a forced point is.
 !>
 !> A finer balance, omega and xi held, moves the coordinate c(X_1) that is to be a (`attrito_accuracy_error_estimate`). Newton's step
 !>
@@ -27,7 +27,7 @@ module attrito_peak_mode_error
 
 contains
 
-  !> Errors of the point of a mode at which the solver is, by harmonics and samples; NaN where they are not known, as where
+  !> Errors of the point of a mode at which the solver is, by harmonics; NaN where they are not known, as where
   !> sliders creep. None where every
   !> contact sticks: that is linear.
   subroutine estimate_mode_errors(estimator, solver, backbone, errors)
@@ -37,7 +37,7 @@ contains
     type(solver_type), intent(inout) :: solver
     !> The mode
     type(backbone_type), intent(in) :: backbone
-    !> By harmonics and samples; that of the modes stays
+    !> By harmonics; that of the modes stays
     type(point_errors_type), intent(inout) :: errors
     type(finer_point_type) :: first
     type(second_step_type) :: second
@@ -45,7 +45,6 @@ contains
     integer :: status
 
     errors%harmonics = 0.0_wp
-    errors%samples = 0.0_wp
     if (backbone%found .and. solver%all_stick) return
     error = ieee_value(error, ieee_quiet_nan)
     status = 1

@@ -1,4 +1,4 @@
-!> The errors of a peak by its series and samples: of its amplitude, and of its frequency.
+!> The errors of a peak by its series: of its amplitude, and of its frequency.
 !>
 !> A finer balance moves the response on either side of the peak as well as at it, so that its own peak is elsewhere along the
 !> response. At the peak and at points of the response a length h to either side of it the finer balance is asked, in planes across

@@ -40,8 +40,6 @@ module attrito_peak_quasi_static
   real(wp), parameter :: same_amplitude = 3.0e-7_wp, same_area = 3.0e-6_wp ! guess
   !> Creep that is extrapolated: largest part that a cycle leaves, and by what part two steps may differ in direction
   real(wp), parameter :: slowest_creep = 0.97_wp, alike = 0.2_wp ! guess
-  !> Samples a period of what does not move
-  integer, parameter :: static_samples = 4 ! conventional
 
   !> The states of one cycle, and the first once more [..., 0:steps]
   type :: history_type
@@ -74,7 +72,7 @@ module attrito_peak_quasi_static
     real(wp), allocatable, private :: reader(:)
     real(wp), private :: motion_per_load = 0.0_wp
     !> Of the motion that is reported
-    integer, private :: harmonics = 0, samples = 0
+    integer, private :: harmonics = 0
     !> The equilibria that it goes through
     type(loading_path_type) :: path
   contains
@@ -108,8 +106,7 @@ contains
       balance%kept = stuck_mean_type()
       self%reader = balance%static_loads(:, count + 1)
       self%harmonics = solver%options%harmonics
-      self%samples = solver%options%samples
-      call solver%set_resolution(0, static_samples)
+      call solver%set_harmonics(0)
       call solver%set_loads([balance%static_factors, 0.0_wp], 0.0_wp)
       solver%options%reset_slider = .false.
       self%motion_per_load = norm2(matmul(shape, solver%contacts%directions))/omega**2
@@ -136,7 +133,7 @@ contains
     if (self%path%found) call settle(self, solver, load, steps, settling)
     if (self%path%found) call record_cycle(self, solver, load, steps, history)
     if (self%path%found) call measure(self, solver, history)
-    call solver%set_resolution(self%harmonics, self%samples)
+    call solver%set_harmonics(self%harmonics)
     if (self%path%found) call make_motion(self, solver, history)
   end subroutine cycle_at
 
@@ -152,7 +149,7 @@ contains
 
     call load_up(self, solver, load, steps/4)
     if (self%path%found) call settle(self, solver, load, steps, max(settling, 1))
-    call solver%set_resolution(self%harmonics, self%samples)
+    call solver%set_harmonics(self%harmonics)
   end subroutine try_cycle
 
   !> From the static solution to the load's amplitude.
@@ -169,7 +166,7 @@ contains
 
     self%load = load
     ! At rest there is nothing but the mean.
-    call solver%set_resolution(0, static_samples)
+    call solver%set_harmonics(0)
     call self%path%start(solver, abs(load)*self%motion_per_load)
     at_rest = self%path%coordinate(solver)
     before = at_rest

@@ -28,7 +28,6 @@ module attrito_sensitivity_law_derivatives
   public :: differentiate_law, differentiate_by_sliders
 
   !> Part of a number that it is changed by for a central difference: errors are near its square, of rounding near 1e-16 over it.
-  !> By samples forces have a corner wherever a sample changes its regime: few do so within so little.
   real(wp), parameter :: step = 1.0e-7_wp ! derived
 
 contains

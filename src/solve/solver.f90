@@ -11,7 +11,7 @@ module attrito_solve_solver
   use attrito_newton_newton, only: newton_type, newton_controls_type, newton_report_type, new_newton
   use attrito_newton_newton_context, only: newton_context_type
   use attrito_linear_receptance, only: receptance_type
-  use attrito_balance_set_up, only: new_balance, set_resolution, take_contacts
+  use attrito_balance_set_up, only: new_balance, set_harmonics_of_balance, take_contacts
   use attrito_balance_stuck_response, only: evaluate_stuck
   use attrito_linear_stuck_system, only: stuck_system_type, new_stuck_system, new_receptance
   use attrito_balance_unknowns, only: unknowns_type
@@ -31,7 +31,7 @@ module attrito_solve_solver
 
   type :: solver_options_type
     integer :: harmonics = 5
-    !> Samples a period
+    !> Samples a period, of which results say: contacts go by events
     integer :: samples = 128
     !> Solves of a point while sliders of two tangents turn out to move on
     integer :: rounds = 20
@@ -85,7 +85,7 @@ module attrito_solve_solver
     procedure :: mean_rows
     procedure :: relative_motion
     procedure :: keep
-    procedure :: set_resolution => set_resolution_of_solver
+    procedure :: set_harmonics
     procedure :: destroy
   end type solver_type
 
@@ -368,23 +368,22 @@ contains
     call self%context%forget()
   end subroutine set_slider
 
-  !> Go on with another length of the series and other samples; the motion keeps the harmonics that both lengths have.
-  subroutine set_resolution_of_solver(self, harmonics, samples)
+  !> Go on with another length of the series; the motion keeps the harmonics that both lengths have.
+  subroutine set_harmonics(self, harmonics)
     class(solver_type), intent(inout) :: self
-    !> Highest harmonic, H; samples a period, J
-    integer, intent(in) :: harmonics, samples
+    !> Highest harmonic, H
+    integer, intent(in) :: harmonics
 
-    if (harmonics == self%options%harmonics .and. samples == self%options%samples) return
+    if (harmonics == self%options%harmonics) return
     self%options%harmonics = harmonics
-    self%options%samples = samples
-    call set_resolution(self%context%balance, self%structure, harmonics)
+    call set_harmonics_of_balance(self%context%balance, self%structure, harmonics)
     self%motion = resized(self%motion, 2*harmonics + 1)
     associate (constraint => self%context%constraint)
       if (allocated(constraint%motion)) constraint%motion = resized(constraint%motion, 2*harmonics + 1)
     end associate
     call self%context%forget()
     call self%newton%take_length()
-  end subroutine set_resolution_of_solver
+  end subroutine set_harmonics
 
   !> Give this rank these contacts. The caller sets motion and sliders afterwards.
   subroutine hold_contacts(self, first, last)
@@ -424,13 +423,11 @@ contains
     class(solver_type), intent(inout) :: self
     !> Numbers that a point leaves for the next, written or read in turn
     type(state_store_type), intent(inout) :: store
-    integer :: first, last, harmonics, samples
+    integer :: first, last, harmonics
 
     harmonics = self%options%harmonics
-    samples = self%options%samples
     call store%keep(harmonics)
-    call store%keep(samples)
-    if (store%reading) call self%set_resolution(harmonics, samples)
+    if (store%reading) call self%set_harmonics(harmonics)
     associate (balance => self%context%balance, context => self%context)
       first = balance%first_contact
       last = first + size(balance%law) - 1

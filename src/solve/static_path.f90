@@ -18,8 +18,6 @@ module attrito_solve_static_path
 
   !> Part of a displacement that rounding of the stuck system's modes may take; the part of contact forces that it may hide
   real(wp), parameter :: last_digits = 64.0_wp*epsilon(1.0_wp), most_rounding = 1.0e-4_wp ! guess
-  !> Samples a period of what does not move
-  integer, parameter :: static_samples = 4 ! conventional
 
 contains
 
@@ -38,18 +36,17 @@ contains
     !> Sliders where the path begins [width, contacts of this rank]; zero unless given
     real(wp), intent(in), optional :: slider(:, :)
     logical :: reset_slider
-    integer :: harmonics, samples
+    integer :: harmonics
 
     ! What points begin at is the path's end: along it sliders go on. Nothing moves but the mean.
     reset_slider = solver%options%reset_slider
     harmonics = solver%options%harmonics
-    samples = solver%options%samples
     solver%options%reset_slider = .false.
-    call solver%set_resolution(0, static_samples)
+    call solver%set_harmonics(0)
     call solver%set_slider(0.0_wp*solver%static_slider)
     if (present(slider)) call solver%set_slider(slider)
     call follow_corners(solver, path, steps, omega, error)
-    call solver%set_resolution(harmonics, samples)
+    call solver%set_harmonics(harmonics)
     call solver%set_scales(omega, omega)
     solver%options%reset_slider = reset_slider
     if (.not. allocated(error)) call keep_static_state(solver)

@@ -136,7 +136,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     ),
     "attrito_prepare_mode": (None, (HANDLE, c_int, Doubles, Doubles, c_double)),
     "attrito_backbone_at": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
-    "attrito_mode_errors": (None, (HANDLE, Doubles, Doubles)),
+    "attrito_mode_errors": (None, (HANDLE, Doubles)),
     "attrito_begin_quasi_static": (None, (HANDLE, Doubles, c_double)),
     "attrito_quasi_static_at": (None, (HANDLE, c_double, c_int, c_int, c_int, POINTER(RawQuasiStatic))),
     "attrito_try_quasi_static": (None, (HANDLE, c_double, c_int, c_int, Doubles, Integers, Integers)),

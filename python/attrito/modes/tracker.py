@@ -78,7 +78,8 @@ class ModeTracker:
             point = point._replace(outcome="not_converged")
         errors = np.full(2, np.nan)
         if point.is_solved:
-            self._solver.call("attrito_mode_errors", pointer(errors[:1]), pointer(errors[1:]))
+            self._solver.call("attrito_mode_errors", pointer(errors[:1]))
+            errors[1] = 0.0  # Contacts go by events, without samples
         drive = {"excitation": raw.excitation, "drift": raw.drift}
         return ModePoint(
             point, amplitude, raw.kinetic, raw.structural_ratio, drive, iterations, *errors.tolist(), folded=folded
