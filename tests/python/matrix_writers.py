@@ -19,9 +19,13 @@ def triplets(matrix: sparse.csr_matrix, triangle: str = "lower") -> Iterator[tup
     yield from zip(part.row.tolist(), part.col.tolist(), part.data.tolist(), strict=True)
 
 
-def write_calculix(path: Path, matrix: sparse.csr_matrix) -> None:
-    lines = (f"{i + 1} {j + 1} {x:.13e}" for i, j, x in triplets(matrix, "upper"))
-    path.write_text("\n".join(lines) + "\n")
+def write_calculix(job: Path, stiffness: sparse.csr_matrix, mass: sparse.csr_matrix) -> None:
+    """Both have the entries of either, zeros too."""
+    pattern = sparse.triu(abs(stiffness) + abs(mass)).tocoo()
+    for ending, matrix in (("sti", stiffness), ("mas", mass)):
+        values = np.ravel(matrix[pattern.row, pattern.col])
+        rows = zip(pattern.row + 1, pattern.col + 1, values, strict=True)
+        job.with_suffix(f".{ending}").write_text("".join(f"{i} {j} {x:.13e}\n" for i, j, x in rows))
 
 
 def write_dofs(path: Path, node: np.ndarray, direction: np.ndarray) -> None:

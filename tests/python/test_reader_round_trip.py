@@ -92,8 +92,7 @@ def petsc(path: Path, matrix: sparse.csr_matrix) -> None:
 
 
 def calculix(folder: Path, model: Model) -> None:
-    write.write_calculix(folder / "job.sti", model.stiffness)
-    write.write_calculix(folder / "job.mas", model.mass)
+    write.write_calculix(folder / "job", model.stiffness, model.mass)
     write.write_dofs(folder / "job.dof", model.dof_node, model.dof_direction)
 
 

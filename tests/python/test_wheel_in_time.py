@@ -63,7 +63,7 @@ def test_the_wheel_leaves_an_unstable_wave(tmp_path, capfd):
 
 
 def test_a_sector_is_charted_beside_its_wheel(tmp_path, capfd, monkeypatch):
-    ladders = {"HARMONICS": (1, 5, 20), "SAMPLES": (128,), "SAMPLED_HARMONICS": (20,), "TOLERANCES": (1e-2,)}
+    ladders = {"HARMONICS": (1, 5, 20), "TOLERANCES": (1e-2,)}
     for name, values in (ladders | {"STEPS": (64, 256), "SCHEMES": ("newmark", "event")}).items():
         monkeypatch.setattr(chart, name, values)
     write_job(tmp_path, lumped_sector(SECTORS, 2) | {"sweep": {"start_hz": STABLE, "stop_hz": 25.0}})
