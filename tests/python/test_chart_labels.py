@@ -63,7 +63,7 @@ def test_a_series_of_an_older_chart_stays_in_its_table_and_is_not_drawn(tmp_path
     write(replace(chart_of(NEAR), ways=ways), path, "job.toml")
     assert [line.split(",")[0] for line in stored_table(path).splitlines()] == ["series", "tolerance", "patches"]
     labels = [text.get_text() for text in picture_of_chart(path, Look()).axes[-1].get_legend().get_texts()]
-    assert "harmonics and samples by tolerance" in labels and not any("patches" in label for label in labels)
+    assert "harmonics by tolerance" in labels and not any("patches" in label for label in labels)
 
 
 def test_labels_are_next_to_their_marks():

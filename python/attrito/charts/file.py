@@ -15,7 +15,7 @@ from attrito.support.version import __version__
 
 FORMAT = "attrito chart"
 SERIES = {
-    "tolerance": "harmonics and samples by tolerance",
+    "tolerance": "harmonics by tolerance",
     "event": "by events, H fixed",
     "sampled": "by samples, H and J fixed (of older charts)",
     "uncoupled": "uncoupled, H fixed",
