@@ -157,8 +157,6 @@ typedef struct {
     attrito_point point;
     double modal_amplitude;
     double excitation;
-    double level;
-    double amplitude;
     double kinetic;
     double structural_ratio;
     double drift;
@@ -166,10 +164,10 @@ typedef struct {
 } attrito_backbone;
 
 /* A mode from a shape with unit modal mass, cosine - i sine, and an angular frequency, at an amplitude of the shape; other shapes
- * of that frequency follow the first, [m, shapes] all together. Its amplitude is that of a monitor (from 0; -1: none).
- * The static path has been followed; the session serves nothing but this mode from then on. */
-void attrito_begin_mode(void *handle, int shapes, const double *cosine, const double *sine, double omega, int monitor,
-    int measure, double amplitude, int branch, attrito_backbone *backbone);
+ * of that frequency follow the first, [m, shapes] all together. The static path has been followed; the session serves nothing but
+ * this mode from then on. */
+void attrito_begin_mode(void *handle, int shapes, const double *cosine, const double *sine, double omega,
+    double amplitude, int branch, attrito_backbone *backbone);
 
 /* Ready for a mode, as `attrito_begin_mode` begins one, to go on from a state that was saved. */
 void attrito_prepare_mode(void *handle, int shapes, const double *cosine, const double *sine, double omega);

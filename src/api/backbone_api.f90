@@ -1,4 +1,4 @@
-!> C interface of backbones. All calls are collective and give every rank the same.
+!> C interface of nonlinear modes by periodic motion. All calls are collective and give every rank the same.
 module attrito_api_backbone
   use, intrinsic :: iso_c_binding
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
@@ -6,7 +6,6 @@ module attrito_api_backbone
   use attrito_newton_newton, only: newton_report_type
   use attrito_output_point_report, only: report_point
   use attrito_peak_backbone, only: begin_mode, go_to, prepare_mode
-  use attrito_peak_condition, only: problem_type
   use attrito_peak_mode_error, only: estimate_mode_errors
   use attrito_api_session, only: session_type, session_of
   use attrito_api_solver, only: point_type, point_of
@@ -17,9 +16,9 @@ module attrito_api_backbone
   type, bind(c) :: backbone_type
     !> Without an estimate of its error
     type(point_type) :: point
-    !> The mode's coordinate; the negative damping, a part of the mass; level of the loads that would keep the motion up; amplitude of
-    !> the monitor; sum_h h^2 X_h^H M X_h; damping ratio of the structure alone; by how much a period moves a slider, the most
-    real(c_double) :: modal_amplitude, excitation, level, amplitude, kinetic, structural_ratio, drift
+    !> The mode's coordinate; the negative damping, a part of the mass; sum_h h^2 X_h^H M X_h; damping ratio of the structure alone;
+    !> by how much a period moves a slider, the most
+    real(c_double) :: modal_amplitude, excitation, kinetic, structural_ratio, drift
     !> Does the curve fold between the point before and this one?
     integer(c_int) :: folded
   end type backbone_type
@@ -27,13 +26,13 @@ module attrito_api_backbone
 contains
 
   !> A mode from a shape with unit modal mass, cosine - i sine, and an angular frequency, at an amplitude of the shape; other shapes
-  !> of that frequency follow the first, [m, shapes] all together. Its amplitude is that of a monitor (from 0; -1: none).
-  !> The static path has been followed; the session serves nothing but this mode from then on.
-  subroutine attrito_begin_mode(handle, shapes, cosine, sine, omega, monitor, measure, amplitude, branch, backbone) bind(c)
+  !> of that frequency follow the first, [m, shapes] all together. The static path has been followed; the session serves nothing but
+  !> this mode from then on.
+  subroutine attrito_begin_mode(handle, shapes, cosine, sine, omega, amplitude, branch, backbone) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> How many; monitor, from 0; which amplitude of it, as names are counted
-    integer(c_int), value :: shapes, monitor, measure
+    !> How many
+    integer(c_int), value :: shapes
     !> In the model's coordinates
     real(c_double), intent(in) :: cosine(*), sine(*)
     !> Angular frequency, rad/s; amplitude of the shape
@@ -45,8 +44,7 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call begin_mode(session%solver, shapes_of(session, shapes, cosine, sine), omega, &
-                    problem_type(monitor=monitor + 1, measure=measure), amplitude, session%backbone)
+    call begin_mode(session%solver, shapes_of(session, shapes, cosine, sine), omega, amplitude, session%backbone)
     call describe(session, branch, backbone)
   end subroutine attrito_begin_mode
 
@@ -63,7 +61,7 @@ contains
     type(session_type), pointer :: session
 
     session => session_of(handle)
-    call prepare_mode(session%solver, shapes_of(session, shapes, cosine, sine), omega, problem_type(monitor=0), session%backbone)
+    call prepare_mode(session%solver, shapes_of(session, shapes, cosine, sine), omega, session%backbone)
   end subroutine attrito_prepare_mode
 
   !> Of the model's coordinates [m, shapes].
@@ -85,7 +83,7 @@ contains
   subroutine attrito_backbone_at(handle, amplitude, branch, backbone) bind(c)
     !> Session, see `session_of`
     type(c_ptr), value :: handle
-    !> Amplitude of the monitor or mode
+    !> The mode's coordinate
     real(c_double), value :: amplitude
     !> Number of the branch
     integer(c_int), value :: branch
@@ -129,8 +127,6 @@ contains
     backbone%point = point_of(session%point)
     backbone%modal_amplitude = session%backbone%amplitude
     backbone%excitation = session%backbone%excitation
-    backbone%level = session%backbone%level
-    backbone%amplitude = session%backbone%height
     backbone%kinetic = session%backbone%kinetic
     backbone%structural_ratio = session%backbone%structural_ratio
     backbone%drift = ended%defect*session%solver%context%motion_scale

@@ -1,7 +1,6 @@
 !> The backbone of a mode, begun and followed in its amplitude; its points are those of `attrito_peak_backbone_point`.
 !>
-!> Where loads would keep the motion up in place of -xi M q' the backbone expects a resonance peak, at omega
-!> (`attrito_peak_resonant_level`). Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
+!> Source: Krack 2015, doi:10.1016/j.compstruc.2015.02.037.
 !>
 !> A mode is begun at a given shape phi and frequency, those of the tangent system: contacts that are open at rest are free there. The
 !> stuck mode that has most of phi serves as the coordinate that is held, a = x^T M phi / m times the shape's amplitude. Beside
@@ -14,10 +13,8 @@ module attrito_peak_backbone
   use attrito_linear_damping, only: damping_of_harmonic
   use attrito_solve_snapshot, only: snapshot_of
   use attrito_solve_solver, only: solver_type
-  use attrito_peak_amplitude, only: amplitude_type, amplitude_of
   use attrito_peak_backbone_point, only: backbone_type, base_point_type, base_point_of, start_from, correct
-  use attrito_peak_condition, only: problem_type
-  use attrito_peak_resonant_level, only: kinetic_sum, resonant_level, structural_ratio
+  use attrito_peak_structural_damping, only: kinetic_sum, structural_ratio
   use attrito_peak_slider_creep, only: creep
   implicit none
   private
@@ -37,7 +34,7 @@ contains
   !> Turn the solver, at its static solution, to a mode's backbone, and find the point of an amplitude, or a smaller one and follow to
   !> it. The mode is given by a shape and an angular frequency, those of small motion; contacts need not stick. The solver serves
   !> nothing else from then on.
-  subroutine begin_mode(solver, shapes, omega, problem, amplitude, self)
+  subroutine begin_mode(solver, shapes, omega, amplitude, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> The mode and others of its frequency, in the model's coordinates, with unit modal mass [m, shapes]; of a sector at the nodal
@@ -45,18 +42,16 @@ contains
     complex(wp), intent(in) :: shapes(:, :)
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Its monitor, 0: none, and measure; the border is made here
-    type(problem_type), intent(in) :: problem
     !> Of the shape
     real(wp), intent(in) :: amplitude
     type(backbone_type), intent(out) :: self
 
-    call prepare_mode(solver, shapes, omega, problem, self)
+    call prepare_mode(solver, shapes, omega, self)
     call begin_at(self, solver, self%part*amplitude)
   end subroutine begin_mode
 
   !> Ready for a mode's first point, or to go on from points that were saved.
-  subroutine prepare_mode(solver, shapes, omega, problem, self)
+  subroutine prepare_mode(solver, shapes, omega, self)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
     !> The mode and others of its frequency, in the model's coordinates, with unit modal mass [m, shapes]; of a sector at the nodal
@@ -64,8 +59,6 @@ contains
     complex(wp), intent(in) :: shapes(:, :)
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Its monitor, 0: none, and measure; the border is made here
-    type(problem_type), intent(in) :: problem
     type(backbone_type), intent(out) :: self
     complex(wp), allocatable :: parts(:, :)
     real(wp), allocatable :: stiffness(:), mass(:), damping(:)
@@ -82,7 +75,6 @@ contains
       self%shape = shapes(:, 1)/held
       self%part = abs(held)
     end associate
-    self%problem = problem
     allocate (self%problem%border%motion(size(solver%motion, 1), size(solver%motion, 2)), source=0.0_wp)
     call hold_modes(self, solver)
     self%rest = base_point_type(snapshot_type=snapshot_of(solver))
@@ -145,8 +137,7 @@ contains
 
     call solver%stuck%modal_at(1, stiffness, mass, damping)
     associate (balance => solver%context%balance, stuck => solver%stuck)
-      self%force = balance%harmonic_load(:, 1)
-      allocate (self%readers(size(self%force), size(self%modes)))
+      allocate (self%readers(size(balance%harmonic_load, 1), size(self%modes)))
       do k = 1, size(self%modes)
         inertia = matmul(solver%structure%mass, stuck%shape_at(solver%structure, 1, self%modes(k)))
         self%readers(:, k) = balance%receptance%project_load(1, inertia)/mass(self%modes(k))
@@ -297,21 +288,13 @@ contains
     end associate
   end function predicted
 
-  !> Level and the monitor's amplitude where the solver stands.
+  !> Energy, and the part of the damping that is the structure's, where the solver stands.
   subroutine measure(self, solver)
     type(backbone_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
-    type(amplitude_type) :: amplitude
 
-    if (self%problem%monitor > 0) then
-      associate (balance => solver%context%balance)
-        amplitude = amplitude_of(balance%monitors%row_of(self%problem%monitor, balance%response), self%problem%measure)
-      end associate
-      self%height = amplitude%value
-    end if
     self%kinetic = kinetic_sum(solver)
-    self%level = resonant_level(solver, self%excitation, self%kinetic, self%force)
     self%structural_ratio = structural_ratio(solver, self%kinetic)
   end subroutine measure
 end module attrito_peak_backbone

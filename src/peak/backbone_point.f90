@@ -44,12 +44,10 @@ module attrito_peak_backbone_point
   type :: backbone_type
     !> Of the stuck system, from 1: those whose coordinates are held, the first being a
     integer, allocatable :: modes(:)
-    !> Whose amplitude is reported
+    !> Its border holds the frequency in linearised solves
     type(problem_type) :: problem
     !> Coordinate a of the mode, and xi
     real(wp) :: amplitude = 0.0_wp, excitation = 0.0_wp
-    !> Of the loads that would keep the motion up; of the monitor
-    real(wp) :: level = 0.0_wp, height = 0.0_wp
     !> sum_h h^2 X_h^H M X_h; damping ratio of the structure alone, its work a period by 2 pi omega^2 times that
     real(wp) :: kinetic = 0.0_wp, structural_ratio = 0.0_wp
     !> Was the last point found? Newton's iterations that it took
@@ -58,8 +56,8 @@ module attrito_peak_backbone_point
     !> Does it repeat but for sliders that creep on (`attrito_peak_slider_creep`)? Does the curve fold in a between the last point and
     !> this one?
     logical :: creeps = .false., folded = .false.
-    !> M phi/m of each mode that is held in generalised coordinates of harmonic 1 [n, modes], and F_1 [n]
-    complex(wp), allocatable :: readers(:, :), force(:)
+    !> M phi/m of each mode that is held in generalised coordinates of harmonic 1 [n, modes]
+    complex(wp), allocatable :: readers(:, :)
     !> Springs that hold these modes, and coordinates b_k by a
     real(wp), allocatable :: springs(:)
     complex(wp), allocatable :: mixture(:)

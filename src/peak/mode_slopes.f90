@@ -16,7 +16,7 @@ module attrito_peak_mode_slopes
   use attrito_model_structure, only: damping_loss_factor
   use attrito_newton_preconditioners, only: preconditioners_type
   use attrito_peak_backbone_point, only: backbone_type
-  use attrito_peak_resonant_level, only: kinetic_sum
+  use attrito_peak_structural_damping, only: kinetic_sum
   use attrito_sensitivity_damping_derivatives, only: damping_numbers, damping_product
   use attrito_sensitivity_parameters, only: by_parameters_type
   use attrito_sensitivity_parameter_derivatives, only: derivative_along

@@ -263,13 +263,6 @@ CORIOLIS = [
         ),
         ("job.toml: [mode] method = 'epmc': expected no table [mode]: modes are followed without Coriolis forces",),
     ),
-    Case(
-        "a backbone with Coriolis forces",
-        both(
-            put("cyclic", coriolis=True), put("model", gyroscopic=SKEW), put("peak", start=1.0, stop=2.0, backbone=True)
-        ),
-        ("job.toml: [peak] backbone = True: expected false: backbones are without Coriolis forces",),
-    ),
 ]
 
 SECTOR = [replace(case, base=lumped_sector) for case in NUMBERS + SPINS + BOUNDARIES + CONTACTS + NOT_TAKEN + CORIOLIS]

@@ -39,7 +39,7 @@ def jobs():
     stepped["integrate"] = {"frequency_hz": 132.0, "scheme": "hht"}
     peak = wedge()
     peak["sweep"] = {"start_hz": 150.0, "stop_hz": 85.0}
-    peak["peak"] = {"start": 0.2, "stop": 0.4, "backbone": True}
+    peak["peak"] = {"start": 0.2, "stop": 0.4}
     return {
         "sweep": ("run", sweep),
         "family": ("run", family),

@@ -53,7 +53,6 @@ def check_coriolis(job: Job) -> list[Fault]:
             job["mode"]["method"],
             f"no table [mode]: modes are followed {WITH_CORIOLIS}",
         ),
-        ("peak", "backbone", job["peak"]["backbone"], True, f"false: backbones are {WITH_CORIOLIS}"),
         (
             "sensitivity",
             "to",

@@ -42,9 +42,9 @@ COMMANDS: dict[str, dict[str, Key]] = {
         "optimum": Key(boolean, True, "locate extrema of the peak over the parameter"),
         "backbone": Key(
             boolean,
-            False,
-            "also where the backbone of the peak's mode, motion without excitation, expects the peaks"
-            " ([peaks.md](peaks.md#backbone))",
+            None,
+            "has no effect: `attrito mode` follows motion without excitation. Older jobs have it",
+            retired="`attrito mode` follows motion without excitation",
         ),
         "look_for_higher": Key(
             boolean,

@@ -130,10 +130,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_follow_peak_in": (None, (HANDLE, c_int, c_int, POINTER(RawPeak))),
     "attrito_next_peak": (None, (HANDLE, c_double, c_int, POINTER(RawPeak))),
     "attrito_peak_at": (None, (HANDLE, c_double, c_int, POINTER(RawPeak))),
-    "attrito_begin_mode": (
-        None,
-        (HANDLE, c_int, Doubles, Doubles, c_double, c_int, c_int, c_double, c_int, POINTER(RawBackbone)),
-    ),
+    "attrito_begin_mode": (None, (HANDLE, c_int, Doubles, Doubles, c_double, c_double, c_int, POINTER(RawBackbone))),
     "attrito_prepare_mode": (None, (HANDLE, c_int, Doubles, Doubles, c_double)),
     "attrito_backbone_at": (None, (HANDLE, c_double, c_int, POINTER(RawBackbone))),
     "attrito_mode_errors": (None, (HANDLE, Doubles)),

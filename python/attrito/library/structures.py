@@ -62,11 +62,11 @@ class RawPeak(ctypes.Structure):
 
 
 class RawBackbone(ctypes.Structure):
-    """`attrito.peaks.curve.BackbonePoint`."""
+    """A point of a mode by periodic motion: `attrito.modes.mode_point.ModePoint`."""
 
     _fields_ = [
         ("point", RawPoint),
-        *_all(c_double, "modal_amplitude", "excitation", "level", "amplitude", "kinetic", "structural_ratio", "drift"),
+        *_all(c_double, "modal_amplitude", "excitation", "kinetic", "structural_ratio", "drift"),
         ("folded", c_int),
     ]
 

@@ -21,7 +21,6 @@ AMPLITUDE_TOLERANCE = 1e-9
 # The same where sliders creep on, each time a little farther
 CREEPING_TOLERANCE = 1e-6
 MOST_CORRECTIONS = 12
-NO_MONITOR = -1
 
 
 class ModeTracker:
@@ -89,7 +88,7 @@ class ModeTracker:
         """At the coordinate at which the amplitude is expected: on the line through what is known, in logarithms."""
         raw = RawBackbone()
         if not self.known:
-            place = omega(self._frequency_hz), NO_MONITOR, 0, amplitude, 0, ctypes.byref(raw)
+            place = omega(self._frequency_hz), amplitude, 0, ctypes.byref(raw)
             self._solver.call("attrito_begin_mode", len(self._shapes[0]), *map(pointer, self._shapes), *place)
             return raw
         (a, q), slope = self.known[-1], 1.0

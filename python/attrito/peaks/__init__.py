@@ -1,1 +1,1 @@
-"""`attrito peak`: a resonance peak along a level or a preload, and backbones."""
+"""`attrito peak`: a resonance peak along a level or a preload."""

@@ -1,4 +1,4 @@
-"""What `attrito peak` finds: peaks along a curve, and the backbone of a mode."""
+"""What `attrito peak` finds: peaks along a curve."""
 
 from __future__ import annotations
 
@@ -7,55 +7,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from attrito.library.peak_tracker import Peak
-from attrito.library.points import Point
 from attrito.peaks.higher import Higher
-
-
-@dataclass(frozen=True)
-class BackbonePoint:
-    """Motion without excitation at one amplitude.
-
-    Parameters
-    ----------
-    point : without an estimate of its error; its level has no meaning
-    modal_amplitude : coordinate of the stuck mode that has most of the mode, its modal stiffness being 1
-    excitation : negative damping that keeps it up, a part of the mass, rad per time
-    level : factor on the harmonic loads whose work would do the same
-    amplitude : of the monitor, user length
-    folded : whether the curve folds between the point before and this one
-    """
-
-    point: Point
-    modal_amplitude: float
-    excitation: float
-    level: float
-    amplitude: float
-    folded: bool = False
-
-    @property
-    def frequency_hz(self) -> float:
-        """Frequency of the motion, Hz."""
-        return self.point.frequency_hz
-
-    @property
-    def converged(self) -> bool:
-        """Whether it was found."""
-        return self.point.outcome != "not_converged"
-
-    @property
-    def response(self) -> float:
-        """Amplitude of the monitor by level."""
-        return self.amplitude / self.level if self.level > 0.0 else np.nan
-
-
-@dataclass(frozen=True)
-class Backbone:
-    """The backbone of a tangent mode (from 1): stretches of points, and those at levels of peaks, where it has any."""
-
-    mode: int
-    stretches: list[list[BackbonePoint]]
-    at_peaks: list[BackbonePoint | None]
-
 
 KINDS = ("step", "value", "optimum")
 

@@ -22,8 +22,6 @@ from attrito.support.version import __version__
 if TYPE_CHECKING:
     import h5py
 
-    from attrito.peaks.curve import Backbone, BackbonePoint
-
 REFERENCES = "Zucca & Firrone 2014, doi:10.1016/j.jsv.2013.09.032"
 FORMAT = "attrito peaks"
 
@@ -79,28 +77,9 @@ BESIDE = {
     "swept_low_hz": ("lowest frequency to which the band was swept for a higher peak; NaN: not swept", "Hz"),
     "swept_high_hz": ("highest frequency of that sweep", "Hz"),
 }
-# Of a backbone at the peaks' levels, and along it
-AT_PEAKS = {
-    "backbone_frequency_hz": ("where the backbone expects the peak of this level", "Hz"),
-    "backbone_response": ("amplitude by level that it expects", "user length"),
-}
 # Of columns, those that not every file has: errors of peaks are not in files of attrito 0.2
 ERRORS = ("amplitude_error", "frequency_error")
-OPTIONAL = (*BESIDE, *AT_PEAKS, *ERRORS)
-ALONG = {
-    "level": ("factor on the harmonic loads whose work, in quadrature, would keep the motion up", "1"),
-    "frequency_hz": ("frequency of the motion without excitation", "Hz"),
-    "amplitude": ("amplitude of the monitor", "user length"),
-    "response": ("amplitude by level", "user length"),
-    "excitation": ("negative damping that keeps the motion up, a part of the mass", "rad/s"),
-    "damping_ratio": ("what it makes up for: excitation/(2 omega)", "1"),
-    "modal_amplitude": (
-        "coordinate of the stuck mode that has most of the mode, its modal stiffness being 1",
-        "user (force*length)^0.5",
-    ),
-    "residual": ("relative residual of the balance", "1"),
-    "stretch": ("number, from 0: between two the curve folds", "1"),
-}
+OPTIONAL = (*BESIDE, *ERRORS)
 
 
 def columns(found: list[Found], parameter: str) -> dict[str, np.ndarray]:
@@ -182,7 +161,6 @@ def write(
     job: Job,
     scene: ReducedScene,
     found: list[Found],
-    backbone: Backbone | None = None,
     warnings: Sequence[str] = (),
 ) -> None:
     """Write the peaks and what was warned of; the file appears when it is complete."""
@@ -196,8 +174,6 @@ def write(
         if any(one.higher is not None for one in found):
             for name, values in beside(found).items():
                 _put(file, name, values, *BESIDE[name])
-        if backbone is not None:
-            _write_backbone(file, backbone)
 
 
 def _write_attributes(
@@ -260,44 +236,6 @@ def _write_slopes(file: h5py.File, parameters: list[str], found: list[Found]) ->
         _put(file, name, np.ascontiguousarray(slopes[:, i]), f"{words}; {NO_SENSITIVITY}", unit)
 
 
-def _write_backbone(file: h5py.File, backbone: Backbone) -> None:
-    """The backbone: what it expects of the peaks, and its own points."""
-    file.attrs["backbone_mode"] = backbone.mode
-    for name, values in at_peaks(backbone).items():
-        _put(file, name, values, *AT_PEAKS[name])
-    for name, values in along(backbone).items():
-        described(file, f"backbone/{name}", *ALONG[name], data=values)
-    states = np.array([point.point.states for point in _points(backbone)], dtype=np.int32).reshape(-1, len(STATES))
-    stored = described(file, "backbone/states", "contacts in each state", data=states)
-    stored.attrs["names"] = list(STATES)
-
-
-def at_peaks(backbone: Backbone) -> dict[str, np.ndarray]:
-    """What a backbone expects of the peaks; NaN where it does not reach their level."""
-    points = backbone.at_peaks
-    return {
-        "backbone_frequency_hz": np.array([np.nan if one is None else one.frequency_hz for one in points]),
-        "backbone_response": np.array([np.nan if one is None else one.response for one in points]),
-    }
-
-
-def along(backbone: Backbone) -> dict[str, np.ndarray]:
-    """The backbone's own columns."""
-    points = _points(backbone)
-    data = {
-        name: np.array([getattr(one, name) for one in points])
-        for name in ("level", "frequency_hz", "amplitude", "response", "excitation", "modal_amplitude")
-    }
-    data["damping_ratio"] = data["excitation"] / (4.0 * np.pi * data["frequency_hz"])
-    data["residual"] = np.array([one.point.residual for one in points])
-    data["stretch"] = np.repeat(np.arange(len(backbone.stretches)), [len(stretch) for stretch in backbone.stretches])
-    return data
-
-
-def _points(backbone: Backbone) -> list[BackbonePoint]:
-    return [point for stretch in backbone.stretches for point in stretch]
-
-
 def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
     """Columns of a file of peaks, and its attributes."""
     with stored(path, "peaks of `attrito peak`") as file:
@@ -312,12 +250,6 @@ def read_peaks(path: str) -> tuple[dict[str, np.ndarray], dict[str, Any]]:
             for i, parameter in enumerate(file.attrs.get("sensitivity_to", ())):
                 data[f"{short} by {as_text(parameter)}"] = file[f"peaks/{name}"][:, i]
         return data, dict(file.attrs)
-
-
-def read_backbone(path: str) -> dict[str, np.ndarray] | None:
-    """Columns of the backbone in a file of peaks, if there is one."""
-    with stored(path, "peaks of `attrito peak`") as file:
-        return {name: file[f"backbone/{name}"][()] for name in [*ALONG, "states"]} if "backbone" in file else None
 
 
 def holds_peaks(path: str) -> bool:

@@ -9,22 +9,17 @@ from matplotlib.figure import Figure
 
 from attrito.library.names import OUTCOMES
 from attrito.peaks.curve import KINDS
-from attrito.peaks.file import read_backbone, read_peaks, smooth_curve
+from attrito.peaks.file import read_peaks, smooth_curve
 from attrito.plots.style import BRANCH_COLOURS, Look, plain_text, with_unit
 from attrito.support.units import axis_unit
 
 STUCK_COLOUR = "#8a8a8a"
-BACKBONE_COLOUR = BRANCH_COLOURS[2]
 
 
 def peak_curve(path: str, look: Look | None = None) -> Figure:
-    """Amplitude of the peak (by level, where that is followed) and its frequency against the parameter.
-
-    With a backbone also what that expects, dashed, and how far it is from the peaks.
-    """
+    """Amplitude of the peak (by level, where that is followed) and its frequency against the parameter."""
     look = look or Look()
     data, attributes = read_peaks(path)
-    backbone = read_backbone(path)
     parameter = str(attributes["parameter"])
     good = data["outcome"] != OUTCOMES.index("not_converged")
     data = {name: values[good] for name, values in data.items()}
@@ -32,9 +27,8 @@ def peak_curve(path: str, look: Look | None = None) -> Figure:
     height = data["response"] if parameter == "level" else data["amplitude"]
     sticks = data["states"][:, 2:].sum(axis=1) == 0
     with matplotlib.rc_context(look.style()):
-        figure = look.figure((6.4, 5.6 if backbone is None else 7.0))
-        heights = (2, 1) if backbone is None else (2, 1, 1)
-        upper, lower, *differences = figure.subplots(len(heights), 1, sharex=True, height_ratios=heights)
+        figure = look.figure((6.4, 5.6))
+        upper, lower = figure.subplots(2, 1, sharex=True, height_ratios=(2, 1))
         for stuck, colour, label in (
             (True, STUCK_COLOUR, "all contacts stick"),
             (False, BRANCH_COLOURS[0], "contacts slip"),
@@ -52,9 +46,6 @@ def peak_curve(path: str, look: Look | None = None) -> Figure:
         _mark_higher(upper, lower, value, data, parameter == "level")
         if not len(value):
             upper.text(0.5, 0.5, "no peak was found", transform=upper.transAxes, ha="center", va="center")
-        if backbone is not None and len(value):
-            _draw_backbone(upper, lower, backbone, value)
-            _draw_differences(differences[0], value, data)
         upper.set_xscale("log")
         upper.set_ylim(bottom=0.0)
         name = plain_text(str(attributes["monitor"]))
@@ -65,31 +56,6 @@ def peak_curve(path: str, look: Look | None = None) -> Figure:
         if upper.get_legend_handles_labels()[0]:
             upper.legend(loc="best")
     return figure
-
-
-def _draw_backbone(upper: Axes, lower: Axes, backbone: dict[str, np.ndarray], value: np.ndarray) -> None:
-    """The backbone over the peaks' levels."""
-    here = (backbone["level"] >= 0.95 * value.min()) & (backbone["level"] <= 1.05 * value.max())
-    for axes, name in ((upper, "response"), (lower, "frequency_hz")):
-        label = "backbone" if name == "response" else None
-        for number in np.unique(backbone["stretch"][here]):
-            run = here & (backbone["stretch"] == number)
-            axes.plot(backbone["level"][run], backbone[name][run], "--", color=BACKBONE_COLOUR, label=label, zorder=3)
-            label = None
-
-
-def _draw_differences(axes: Axes, value: np.ndarray, data: dict[str, np.ndarray]) -> None:
-    """How far the backbone is from the peaks, relative."""
-    for name, expected, marker, label in (
-        ("response", "backbone_response", "o", "response"),
-        ("frequency_hz", "backbone_frequency_hz", "s", "frequency"),
-    ):
-        difference = 100.0 * (data[expected] / data[name] - 1.0)
-        axes.plot(value, difference, marker + "-", color=BACKBONE_COLOUR, markersize=3.5, linewidth=0.9, label=label,
-                  markerfacecolor="w" if marker == "s" else None)  # fmt: skip
-    axes.axhline(0.0, color="k", linewidth=0.6)
-    axes.set_ylabel("Backbone over\npeak (%)")
-    axes.legend(loc="best")
 
 
 def _runs(chosen: np.ndarray, begins: np.ndarray) -> list[np.ndarray]:

@@ -13,9 +13,8 @@ from attrito.job.coriolis import asking_key
 from attrito.job.job import Job, peak_path
 from attrito.library.peak_tracker import Peak, PeakTracker
 from attrito.library.reduced_scene import ReducedScene
-from attrito.library.session import Options, Solver
-from attrito.peaks.backbone import BackboneTracker, follow_backbone, leading_mode, lost_in_words
-from attrito.peaks.curve import Backbone, Ending, Found, elasticity, ending_of
+from attrito.library.session import Solver
+from attrito.peaks.curve import Ending, Found, elasticity, ending_of
 from attrito.peaks.file import higher_in_words, jumps_in_words, table, write
 from attrito.peaks.first import band_of, drifting, find, looking_for_higher, monitor_of
 from attrito.peaks.fixed_series import fixed_series, is_enough
@@ -23,7 +22,6 @@ from attrito.peaks.higher import Followed, HigherPeaks
 from attrito.runs.followed import follow_job
 from attrito.runs.progress import Progress
 from attrito.runs.sensitivity import Differentiator
-from attrito.runs.tangent_modes import tangent_modes
 from attrito.scene import cautions
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
@@ -60,12 +58,11 @@ def _follow_and_show(comm: Comm, job: Job, scene: Scene | None, file: str, pictu
     )
     progress.warn(on_root(comm, lambda: cautions.of_damping(reduced)))
     found: list[Found] = []
-    carried = None
     broken = ""
     for options in series:
         if found:
             progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
-        found, carried = [], None
+        found = []
         with (
             Solver(comm, reduced, options) as solver,
             _warning_of_statics(progress, solver),
@@ -76,8 +73,6 @@ def _follow_and_show(comm: Comm, job: Job, scene: Scene | None, file: str, pictu
                 for one in follow(solver, job, reduced, load_path, looking):
                     found.append(replace(one, derivatives=_derivatives(differentiator, job, reduced, one)))
                     progress.say(line(one, job["peak"]["parameter"]))
-                    if carried is None and one.converged:
-                        carried = solver.coordinates()
             except NumericsError as error:
                 # What was found until then is written.
                 if not found:
@@ -85,19 +80,14 @@ def _follow_and_show(comm: Comm, job: Job, scene: Scene | None, file: str, pictu
                 broken = str(error)
         if broken or is_enough(one.peak.outcome for one in found):
             break
-    backbone = None
-    if job["peak"]["backbone"] and carried is not None:
-        backbone = follow_mode(comm, job, options, reduced, load_path, carried, found)
-        progress.say(f"backbone of tangent mode {backbone.mode}: {sum(map(len, backbone.stretches))} points")
-
     parameter = job["peak"]["parameter"]
-    progress.warn([*jumps_in_words(found, parameter), *higher_in_words(found, parameter), *lost_in_words(backbone)])
+    progress.warn([*jumps_in_words(found, parameter), *higher_in_words(found, parameter)])
 
     def show() -> str:
         from attrito.peaks.plot import peak_curve
         from attrito.plots.style import save
 
-        write(file, job, reduced, found, backbone, progress.warnings)
+        write(file, job, reduced, found, progress.warnings)
         print(table(file), end="")
         save(peak_curve(file), picture)
         return picture
@@ -186,24 +176,6 @@ def _look_about(solver: Solver, tracker: PeakTracker, looking: HigherPeaks | Non
     if moved.outcome != "not_converged" and parameter == "preload":
         moved = tracker.follow_in(parameter)
     return Found(moved, "value", higher=higher, moved=True)
-
-
-def follow_mode(
-    comm: Comm,
-    job: Job,
-    options: Options,
-    scene: ReducedScene,
-    load_path: np.ndarray,
-    carried: np.ndarray,
-    found: list[Found],
-) -> Backbone:
-    """The backbone over the levels of the peaks found, of the tangent mode that carries a motion `[m, 2 H + 1]`."""
-    with Solver(comm, scene, options) as solver:
-        solver.follow_static_path(load_path, job["static"]["steps"], band_of(job)[0])
-        modes = tangent_modes(job, solver, len(carried))
-        mode = leading_mode(modes, scene.mass, carried)
-        tracker = BackboneTracker(solver, mode, monitor_of(job, scene), job["peak"]["amplitude"])
-        return follow_backbone(tracker, found)
 
 
 def locate_optimum(tracker: PeakTracker, before: Peak, after: Peak) -> Peak | None:
@@ -307,12 +279,5 @@ def _check(job: Job) -> None:
     if job["sensitivity"]["to"] and keys["amplitude"] != "half_range":
         expected = '"half_range" with [sensitivity]: derivatives are of that'
         faults.append(job.fault("[peak] amplitude", keys["amplitude"], expected))
-    if keys["backbone"]:
-        if keys["parameter"] == "preload":
-            expected = 'false: a backbone is followed over levels, with parameter = "level"'
-            faults.append(job.fault("[peak] backbone", True, expected))
-        if not any(load["kind"] == "harmonic" and load["harmonic"] == 1 for load in job["load"]):
-            expected = "false, or a harmonic load with harmonic = 1: its level follows from the work of such loads"
-            faults.append(job.fault("[peak] backbone", True, expected))
     if faults:
         raise InputError(*faults)
