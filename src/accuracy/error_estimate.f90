@@ -17,7 +17,7 @@ module attrito_accuracy_error_estimate
   use attrito_accuracy_work_error, only: estimate_work_errors
   implicit none
   private
-  public :: error_estimate_type, harmonics_share, own_monitors, short_series
+  public :: error_estimate_type, harmonics_share, own_monitors, short_series, worst_share
 
   !> Part of the tolerance that harmonics may take by their estimate, and that they may take at worst: modes have the rest
   real(wp), parameter :: harmonics_share = 0.5_wp, worst_share = 0.75_wp ! conventional

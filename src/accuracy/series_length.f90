@@ -5,7 +5,7 @@
 !> $$ e_h = e_H \, \frac{|d_{> h}|}{|d_{> H}|} $$
 module attrito_accuracy_series_length
   use attrito_core_kinds, only: wp
-  use attrito_accuracy_error_estimate, only: harmonics_share
+  use attrito_accuracy_error_estimate, only: harmonics_share, worst_share
   use attrito_accuracy_finer_balance, only: finer_point_type
   use attrito_accuracy_point_errors, only: point_errors_type, no_tolerance
   use attrito_solve_solver, only: solver_type
@@ -34,6 +34,7 @@ module attrito_accuracy_series_length
     integer :: fewest_harmonics = 1
   contains
     procedure :: accepts
+    procedure :: at_worst
     procedure :: needed_harmonics
   end type series_length_type
 
@@ -55,6 +56,15 @@ contains
 
     accepts = .not. self%choose_harmonics .or. errors%harmonics <= harmonics_share*self%tolerance
   end function accepts
+
+  !> The most that harmonics may take of the tolerance: their share, or at worst what modes leave.
+  pure real(wp) function at_worst(self, errors)
+    class(series_length_type), intent(in) :: self
+    !> Of the point
+    type(point_errors_type), intent(in) :: errors
+
+    at_worst = max(harmonics_share*self%tolerance, min(worst_share*self%tolerance, self%tolerance - errors%modes))
+  end function at_worst
 
   !> Harmonics that this point needs: the error shrinks with the part of the motion that is left out.
   integer function needed_harmonics(self, solver, errors, finer) result(needed)

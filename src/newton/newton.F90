@@ -169,6 +169,7 @@ contains
     PetscErrorCode :: ierr
 
     if (self%context%petsc_error /= 0) return
+    if (self%context%is_spent()) return
     self%context%constraint = constraint
     self%context%linear_iterations = 0
     self%context%last_norm = sqrt(huge(1.0_wp))

@@ -48,6 +48,7 @@ module attrito_newton_newton_context
   contains
     procedure :: forget
     procedure :: gives_up
+    procedure :: is_spent
   end type newton_context_type
 
   !> What PETSc is given and hands back: it takes no type that has procedures of its own
@@ -112,12 +113,20 @@ contains
   !> Is a solve to end without an answer?
   logical function gives_up(self)
     class(newton_context_type), intent(in) :: self
-    real(wp) :: work
 
     gives_up = self%stalled >= self%most_stalled
-    if (gives_up .or. .not. self%most_work < huge(1.0_wp)) return
+    if (.not. gives_up) gives_up = self%is_spent()
+  end function gives_up
+
+  !> Have solves taken the operations that they were given?
+  logical function is_spent(self)
+    class(newton_context_type), intent(in) :: self
+    real(wp) :: work
+
+    is_spent = .false.
+    if (.not. self%most_work < huge(1.0_wp)) return
     work = self%balance%work
     call self%balance%ranks%sum(work)
-    gives_up = work > self%most_work
-  end function gives_up
+    is_spent = work > self%most_work
+  end function is_spent
 end module attrito_newton_newton_context

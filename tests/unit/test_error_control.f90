@@ -17,7 +17,8 @@ program test_error_control
                       test('the estimate is what three times the harmonics change', finer), &
                       test('a second step comes nearer to the finer balance than the first', second_step), &
                       test('further answers settle on the same motion, contacts stuck or as in the mean', settled), &
-                      test('where the linearised step is singular no error is given, and the point stays', singular)])
+                      test('where the linearised step is singular no error is given, and the point stays', singular), &
+                      test('a solve that has no operations left does not iterate', spent)])
 
 contains
 
@@ -131,6 +132,22 @@ contains
     call control%destroy()
     call solver%destroy()
   end subroutine singular
+
+  !> Whatever strategies would follow: each of their iterations on a long series may take as much as the points of a branch.
+  subroutine spent(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    real(wp), allocatable :: motion(:, :)
+
+    call solve_wedge(3, solver, error)
+    if (allocated(error)) return
+    motion = solver%motion
+    solver%context%most_work = 0.5_wp*solver%context%balance%work
+    call solver%solve_at(1.02_wp*solver%omega)
+    call check(error, .not. solver%report%converged .and. solver%report%iterations == 0, 'a point is solved')
+    call check(error, all(abs(solver%motion - motion) <= 0.0_wp), 'the point does not stay')
+    call solver%destroy()
+  end subroutine spent
 
   !> At 132 Hz and 14 N along the contact.
   subroutine solve_wedge(harmonics, solver, error)
