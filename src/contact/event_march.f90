@@ -53,7 +53,9 @@ contains
     real(wp), intent(in) :: motion(:, :)
     type(event_motion_type) :: self
     type(limit_type), allocatable :: limits(:)
-    real(wp), allocatable :: roots(:), ends(:, :), levels(:, :)
+    real(wp), allocatable :: roots(:)
+    !> N less what begins a piece, L' and U' of each piece [any odd number, 3, pieces]
+    real(wp), allocatable :: changing(:, :, :)
     real(wp) :: normal(size(motion, 1)), slopes(size(motion, 1), 2), least
     real(wp) :: basis(merge(size(motion, 1), 2*size(motion, 1) - 1, law%is_proportional()))
     integer :: i, k, p, segments
@@ -64,20 +66,20 @@ contains
     call set_clamps(law, limits, normal, motion(:, 1), self)
     call differentiate(motion(:, 1), slopes(:, 1))
     call differentiate(motion(:, 2), slopes(:, 2))
-    ! One piece: all roots at once
-    allocate (ends(size(basis), 2*size(limits)), levels(k, size(limits)))
+    allocate (changing(size(basis), 3, size(limits)))
     do p = 1, size(limits)
-      call differentiate(self%lower(:, p), ends(:, 2*p - 1))
-      call differentiate(self%upper(:, p), ends(:, 2*p))
-      levels(:, p) = normal
-      if (p > 1) levels(1, p) = levels(1, p) - limits(p)%from
+      changing(:k, 1, p) = normal
+      changing(k + 1:, 1, p) = 0.0_wp
+      if (p > 1) changing(1, 1, p) = normal(1) - limits(p)%from
+      call differentiate(self%lower(:, p), changing(:, 2, p))
+      call differentiate(self%upper(:, p), changing(:, 3, p))
     end do
     if (size(limits) == 1) then
-      roots = roots_by_column(reshape([levels, ends], [k, 3]), grid)
+      roots = roots_by_column(changing(:, :, 1), grid)
     else
-      roots = roots_by_column(levels, grid)
+      allocate (roots(0))
       do p = 1, size(limits)
-        roots = [roots, within(roots_by_column(ends(:, 2*p - 1:2*p), grid), p)]
+        roots = [roots, roots_by_column(changing(:, :1, p), grid), within(roots_by_column(changing(:, 2:, p), grid), p)]
       end do
     end if
     self%cuts = sorted([0.0_wp, two_pi, roots])
@@ -92,8 +94,8 @@ contains
         self%closed(i) = force >= least
         self%piece(i) = count(limits%from <= force)
       end associate
-      self%lower_rises(i) = dot_product(ends(:, 2*self%piece(i) - 1), basis) > 0.0_wp
-      self%upper_falls(i) = dot_product(ends(:, 2*self%piece(i)), basis) < 0.0_wp
+      self%lower_rises(i) = dot_product(changing(:, 2, self%piece(i)), basis) > 0.0_wp
+      self%upper_falls(i) = dot_product(changing(:, 3, self%piece(i)), basis) < 0.0_wp
     end do
     do i = 1, segments + 1
       p = self%piece(min(i, segments))

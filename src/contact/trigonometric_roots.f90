@@ -79,7 +79,7 @@ contains
       both(:, i) = coefficients(:, i)
       call differentiate(coefficients(:, i), both(:, n + i))
     end do
-    sampled = matmul(grid%values(:, :size(both, 1)), both)
+    call sample(size(grid%theta), size(both, 1), 2*n, grid%values, both, sampled)
     count = 0
     do i = 1, n
       ! A root on a grid point belongs to the step before it: what counts there is the sign after it.
@@ -88,6 +88,24 @@ contains
     end do
     roots = found(:count)
   end function roots_by_column
+
+  !> Values on the grid, on plain arrays. Two harmonics' terms at a time spare half the passes over the values.
+  pure subroutine sample(points, coefficients, columns, values, series, sampled)
+    !> Of the grid; of a polynomial; polynomials
+    integer, value :: points, coefficients, columns
+    !> Values per unit coefficient, of which the first are one; coefficients
+    real(wp), intent(in) :: values(points, coefficients), series(coefficients, columns)
+    !> Values of the polynomials
+    real(wp), intent(out) :: sampled(points, columns)
+    integer :: i, j
+
+    do i = 1, columns
+      sampled(:, i) = series(1, i)
+      do j = 2, coefficients, 2
+        sampled(:, i) = (sampled(:, i) + series(j, i)*values(:, j)) + series(j + 1, i)*values(:, j + 1)
+      end do
+    end do
+  end subroutine sample
 
   !> Roots of one polynomial from its values and slopes on the grid, appended to those found.
   pure subroutine collect(coefficients, derivative, theta, f, slope, found, count)
