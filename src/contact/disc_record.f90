@@ -133,7 +133,7 @@ contains
     !> Derivatives of phi at the nodes [s, columns]
     real(wp), intent(in), contiguous :: by_phi(:, :)
     real(wp) :: part(size(panel%weight), 2)
-    integer :: a, c, k, known, last, n, s
+    integer :: a, k, known, last, n, s
 
     if (allocated(self%panels)) call list_panel(self, panel)
     if (.not. self%keeps) return
@@ -152,23 +152,48 @@ contains
     k = 2*motion%harmonics + 1
     if (self%nodes + s > size(self%basis, 1)) call self%flush_nodes()
     n = self%nodes + 1
-    last = self%nodes + s
-    self%nodes = last
-    self%basis(n:last, 1) = 0.5_wp*panel%weight/pi
-    do c = 2, k
-      self%basis(n:last, c) = panel%weight/pi*panel%basis(:, c)
-    end do
+    self%nodes = self%nodes + s
     part(:, 1) = -panel%jet(:, 3)*panel%e(:, 2)
     part(:, 2) = panel%jet(:, 3)*panel%e(:, 1)
+    associate (weight => panel%weight/pi, room => size(self%basis, 1))
+      if (s == usual_nodes) then
+        call add_gradient(usual_nodes, k, self%columns, room, n, weight, part, panel%slope, panel%e, panel%basis, by_phi, &
+                          self%basis, self%gradient)
+      else
+        call add_gradient(s, k, self%columns, room, n, weight, part, panel%slope, panel%e, panel%basis, by_phi, &
+                          self%basis, self%gradient)
+      end if
+    end associate
+  end subroutine add_nodes
+
+  !> Nodes for the force's derivatives, on plain arrays, as below.
+  pure subroutine add_gradient(n, k, columns, room, first, weight, across, slope, e, basis, by_phi, weighted, gradient)
+    !> s; coefficients of the motion a row; columns of derivatives; room for nodes, and where these begin in it
+    integer, value :: n, k, columns, room, first
+    !> Weights over pi; r e_perp, dr/dv and e at the nodes
+    real(wp), intent(in) :: weight(n), across(n, 2), slope(n), e(n, 2)
+    !> 1, cos, sin, ...; derivatives of phi
+    real(wp), intent(in) :: basis(n, k), by_phi(n, columns)
+    !> Those with their weights; derivatives of r e
+    real(wp), intent(inout) :: weighted(room, k), gradient(room, columns, 2)
+    real(wp) :: along(n)
+    integer :: a, c
+
+    weighted(first:first + n - 1, 1) = 0.5_wp*weight
+    do c = 2, k
+      weighted(first:first + n - 1, c) = weight*basis(:, c)
+    end do
     do a = 1, 2
-      do c = 1, self%columns
-        self%gradient(n:last, c, a) = part(:, a)*by_phi(:, c)
-      end do
-      do c = 1, k
-        self%gradient(n:last, 2*k + c, a) = self%gradient(n:last, 2*k + c, a) + panel%slope*panel%e(:, a)*panel%basis(:, c)
+      along = slope*e(:, a)
+      do c = 1, columns
+        if (c > 2*k .and. c <= 3*k) then
+          gradient(first:first + n - 1, c, a) = across(:, a)*by_phi(:, c) + along*basis(:, c - 2*k)
+        else
+          gradient(first:first + n - 1, c, a) = across(:, a)*by_phi(:, c)
+        end if
       end do
     end do
-  end subroutine add_nodes
+  end subroutine add_gradient
 
   !> Coefficients of the force at the nodes, on plain arrays, whose size is handed over by value: compilers then make code of its own
   !> for the usual one.

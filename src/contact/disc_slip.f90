@@ -20,8 +20,9 @@ module attrito_contact_disc_slip
   real(wp), parameter :: shortest = 1.0e-13_wp, nothing = 1.0e-12_wp ! derived
   !> Times that the direction stays for a while, each twice as long, before a march has failed: 1e-9 of the period in all
   integer, parameter :: most_skipped = 12 ! derived
-  !> In the first panel, if the direction went on turning as at its start
-  real(wp), parameter :: first_turn = 0.7_wp ! guess
+  !> Of the first panel: how far the contact moves over the radius of its disc. The direction that slip begins with is forgotten like
+  !> e^-path, which a panel resolves
+  real(wp), parameter :: first_path = 2.0_wp ! derived
 
 contains
 
@@ -42,7 +43,7 @@ contains
     type(disc_record_type), intent(inout) :: record
     !> Where it begins, then where it ends
     real(wp), intent(inout) :: theta
-    real(wp) :: jet(6), length, speed, turn, stop, by_phi(size(panel%weight), record%columns)
+    real(wp) :: jet(6), length, speed, stop, by_phi(size(panel%weight), record%columns)
     integer :: skipped
     logical :: solved, stops, lasts
 
@@ -50,8 +51,7 @@ contains
     speed = speed_of(jet(4:), state%phi)
     skipped = 0
     length = rules%longest
-    turn = abs(jet(5)*cos(state%phi) - jet(4)*sin(state%phi))
-    if (jet(3) > motion%negligible .and. turn*length > first_turn*jet(3)) length = first_turn*jet(3)/turn
+    if (jet(3) > motion%negligible .and. norm2(jet(4:5))*length > first_path*jet(3)) length = first_path*jet(3)/norm2(jet(4:5))
     do while (theta < to)
       lasts = length >= 0.999_wp*(to - theta)
       if (lasts) then

@@ -139,7 +139,8 @@ contains
     if (found) onset = root_of(motion, w, from, x, at_from(1), here(1))
   end subroutine climb
 
-  !> The root of g between two places where it has other signs, by Newton's method kept between them.
+  !> The root of g between two places where it has other signs, by Newton's method kept between them. Steps s of that fall like their
+  !> squares, so the next one would be s_n^3/s_(n-1)^2.
   real(wp) function root_of(motion, w, from, to, at_from, at_to) result(root)
     !> Motion of the contact
     type(disc_motion_type), intent(in) :: motion
@@ -147,11 +148,13 @@ contains
     real(wp), intent(in) :: w(2), from, to, at_from, at_to
     !> Two units in the last place of a period
     real(wp), parameter :: resolution = 2.0_wp*epsilon(1.0_wp)*two_pi ! derived
-    real(wp) :: low, high, here(2), next
+    real(wp) :: low, high, here(2), step, before, newton
     integer :: iteration
+    logical :: inside
 
     low = from
     high = to
+    before = 0.0_wp
     root = from + (to - from)*min(max(at_from/(at_from - at_to), 0.0_wp), 1.0_wp)
     do iteration = 1, 100
       here = motion%excess(root, w)
@@ -160,15 +163,12 @@ contains
       else
         low = root
       end if
-      next = 0.5_wp*(low + high)
-      if (abs(here(2)) > 0.0_wp) then
-        associate (newton => root - here(1)/here(2))
-          if (newton > low .and. newton < high) next = newton
-        end associate
-      end if
-      here(1) = abs(next - root)
-      root = next
-      if (here(1) <= resolution) exit
+      newton = -here(1)/sign(max(abs(here(2)), tiny(newton)), here(2))
+      inside = root + newton > low .and. root + newton < high
+      step = merge(newton, 0.5_wp*(low + high) - root, inside)
+      root = root + step
+      if (abs(step) <= resolution .or. (inside .and. abs(step)**3 <= resolution*before**2)) exit
+      before = merge(abs(step), 0.0_wp, inside)
     end do
   end function root_of
 end module attrito_contact_disc_stick

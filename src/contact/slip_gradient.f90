@@ -82,7 +82,7 @@ contains
     real(wp), intent(in) :: before(columns), basis(n, *)
     !> Of phi at the nodes
     real(wp), intent(out) :: gradient(n, columns)
-    real(wp) :: x(n)
+    real(wp) :: x(n), y(n)
     integer :: c, h, i, j, k, part
 
     k = 2*harmonics + 1
@@ -102,10 +102,11 @@ contains
           x = x + h*right(:, part + 1)*basis(:, j - 1)
         end if
       end if
-      gradient(:, c) = x(1)*inverse(:, 1)
+      y = x(1)*inverse(:, 1)
       do i = 2, n
-        gradient(:, c) = gradient(:, c) + x(i)*inverse(:, i)
+        y = y + x(i)*inverse(:, i)
       end do
+      gradient(:, c) = y
     end do
   end subroutine solve
 end module attrito_contact_slip_gradient

@@ -94,45 +94,11 @@ contains
     panel%theta = panel%from + panel%length*rule%x(1:)
     call motion%at_nodes(panel%theta, panel%basis, panel%jet, panel%slope)
     panel%jet(:, 3) = max(panel%jet(:, 3), 0.0_wp)
-    call guess(rule, panel)
     call iterate(rule, tolerance, panel, solved)
     if (.not. solved) return
     panel%turn = matmul(rule%derivative, panel%phi)
     panel%error = maxval([1.0_wp, 0.2_wp]*abs(matmul(panel%phi, rule%tail)))*maxval(panel%jet(:, 3))/motion%largest
   end subroutine solve_by_rule
-
-  !> First guess: from node to node as for u' and r that stay as at the next one, a step of a Riccati equation,
-  !> e <- e (1 + b conj e)/(1 + conj(b) e), b = tanh(L/2) u'/|u'|, L = |u'| d theta/r, the hyperbolic tangent as a fraction.
-  pure subroutine guess(rule, panel)
-    !> Nodes
-    type(panel_rule_type), intent(in) :: rule
-    !> The panel
-    type(slip_panel_type), intent(inout) :: panel
-    real(wp) :: x, speed, part, along, aside, e(2), turned
-    integer :: i
-
-    e = [cos(panel%phi(0)), sin(panel%phi(0))]
-    do i = 1, rule%nodes
-      associate (du => panel%jet(i, 4:5), r => panel%jet(i, 3))
-        speed = sqrt(du(1)**2 + du(2)**2)
-        x = 0.5_wp*speed*panel%length*(rule%x(i) - rule%x(i - 1))
-        part = 0.0_wp
-        if (x >= 2.0_wp*r) then
-          if (speed > 0.0_wp) part = 0.999_wp/speed
-        else
-          x = x/r
-          if (speed > 0.0_wp) part = min(x*(15.0_wp + x**2)/(15.0_wp + 6.0_wp*x**2), 0.999_wp)/speed
-        end if
-        along = 1.0_wp + part*(du(1)*e(1) + du(2)*e(2))
-        aside = part*(du(2)*e(1) - du(1)*e(2))
-        turned = 2.0_wp*atan(aside/along)
-        panel%phi(i) = panel%phi(i - 1) + turned
-        e = [e(1)*along - e(2)*aside, e(2)*along + e(1)*aside]
-        e = [(e(1)*along - e(2)*aside), (e(2)*along + e(1)*aside)]/(along**2 + aside**2)
-        panel%e(i, :) = e
-      end associate
-    end do
-  end subroutine guess
 
   !> Newton's method for phi at the nodes, its last steps with the inverse before.
   pure subroutine iterate(rule, tolerance, panel, solved)
@@ -147,11 +113,55 @@ contains
 
     panel%scale = 1.0_wp/(20.0_wp*panel%jet(:, 3) + panel%length*(abs(panel%jet(:, 4)) + abs(panel%jet(:, 5))) + tiny(1.0_wp))
     if (rule%nodes == usual_nodes) then
+      call guess(usual_nodes, rule%x, panel%length, panel%jet, panel%phi, panel%e)
       call find_root(usual_nodes, rule%derivative, tolerance, panel%length, panel%jet, panel%scale, panel%phi, panel%e, solved)
     else
+      call guess(rule%nodes, rule%x, panel%length, panel%jet, panel%phi, panel%e)
       call find_root(rule%nodes, rule%derivative, tolerance, panel%length, panel%jet, panel%scale, panel%phi, panel%e, solved)
     end if
   end subroutine iterate
+
+  !> First guess: from node to node as for u' and r that stay as they are on average between them, a step of a Riccati equation,
+  !> e <- e (1 + b conj e)/(1 + conj(b) e), b = tanh(L/2) u'/|u'|, L = |u'| d theta/r, the hyperbolic tangent as a fraction.
+  pure subroutine guess(n, nodes, length, jet, phi, e)
+    !> s
+    integer, value :: n
+    !> Start and nodes, from 0 to 1; length of the panel
+    real(wp), intent(in) :: nodes(0:n), length
+    !> Values and derivatives of the motion at the nodes
+    real(wp), intent(in) :: jet(n, 3:6)
+    !> Directions, at the start and then at all nodes; e there
+    real(wp), intent(inout) :: phi(0:n), e(n, 2)
+    real(wp) :: mean(n, 3:5), part(n), turn(n), c, s, along, aside, before
+    integer :: i
+
+    mean(1, :) = jet(1, :5)
+    do i = 3, 5
+      mean(2:, i) = 0.5_wp*(jet(:n - 1, i) + jet(2:, i))
+    end do
+    turn = sqrt(mean(:, 4)**2 + mean(:, 5)**2)
+    part = 0.5_wp*length*(nodes(1:) - nodes(:n - 1))*turn
+    part = part/max(mean(:, 3), 0.5_wp*part, tiny(1.0_wp))
+    part = part*(15.0_wp + part**2)/((15.0_wp + 6.0_wp*part**2)*max(turn, tiny(1.0_wp)))
+    c = cos(phi(0))
+    s = sin(phi(0))
+    do i = 1, n
+      along = 1.0_wp + part(i)*(mean(i, 4)*c + mean(i, 5)*s)
+      aside = part(i)*(mean(i, 5)*c - mean(i, 4)*s)
+      turn(i) = aside/along
+      aside = 2.0_wp/(1.0_wp + turn(i)**2)
+      along = aside - 1.0_wp
+      aside = aside*turn(i)
+      before = c
+      c = along*c - aside*s
+      s = along*s + aside*before
+      e(i, :) = [c, s]
+    end do
+    turn = 2.0_wp*atan(turn)
+    do i = 1, n
+      phi(i) = phi(i - 1) + turn(i)
+    end do
+  end subroutine guess
 
   !> The same on plain arrays, whose size is handed over by value: compilers then make code of its own for the usual one.
   pure subroutine find_root(n, derivative, tolerance, length, jet, scale, phi, e, solved)
@@ -264,7 +274,7 @@ contains
     logical, intent(out) :: regular
     !> A pivot that is none
     real(wp), parameter :: singular = 1.0e-12_wp ! derived
-    real(wp) :: column(n)
+    real(wp) :: column(n), reciprocal
     integer :: i, j
 
     do j = 1, n
@@ -277,7 +287,8 @@ contains
       column = a(:, j)
       a(:, j) = 0.0_wp
       a(j, j) = 1.0_wp
-      a(j, :) = a(j, :)/column(j)
+      reciprocal = 1.0_wp/column(j)
+      a(j, :) = a(j, :)*reciprocal
       column(j) = 0.0_wp
       do i = 1, n
         a(:, i) = a(:, i) - a(j, i)*column
