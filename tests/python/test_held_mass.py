@@ -190,3 +190,45 @@ def test_rotation_of_what_a_rigid_body_moves_is_refused_and_its_weight_is_not(tm
     shared = 0.5 / 3.0 * 30.0 * 16.0 * 7.0 * 7.8e-9
     weight = inertia_of(model, upward)[np.asarray(model.dof_direction) == 3].sum()
     assert weight == pytest.approx(30.0 * 16.0 * 7.0 * 7.8e-9 - shared, rel=1e-6)
+
+
+@pytest.mark.parametrize("density", [7.8e-9, 7.0e-9])
+def test_a_density_of_the_deck_counts_if_it_gives_the_mass_of_the_matrices(tmp_path, density):
+    """Of a beam whose free nodes all lie next to one that depends on another, so that no entries can be compared."""
+    lines = [line.split(",") for line in beam("C3D8").split("*ELEMENT")[0].splitlines()[1:]]
+    place = {int(row[0]): [float(word) for word in row[1:]] for row in lines}
+    kept = [node for node, at in place.items() if at[0] <= 20.0]
+    rows = [line.split(",") for line in beam("C3D8").split("ELSET=E\n")[1].split("*NSET")[0].splitlines()]
+    rows = [row for row in rows if all(int(word) in kept for word in row[1:])]
+    # All free nodes have an element with the one that depends.
+    one, two = (next(node for node in kept if place[node] == [20.0, y, 0.0]) for y in (8.0, 16.0))
+    text = (
+        "*NODE\n" + "".join(f"{node}, {', '.join(map(str, place[node]))}\n" for node in kept)
+        + "*ELEMENT, TYPE=C3D8, ELSET=E\n" + "".join(",".join(row) + "\n" for row in rows)
+        + "*NSET, NSET=clamp\n" + "".join(f"{node}\n" for node in kept if place[node][0] == 0.0)
+        + f"*EQUATION\n2\n{one}, 3, 1.0, {two}, 3, -1.0\n*MATERIAL, NAME=s\n*ELASTIC\n210000., 0.3\n*DENSITY\n7.8e-9\n"
+        "*SOLID SECTION, ELSET=E, MATERIAL=s\n*BOUNDARY\nclamp, 1, 3\n"
+    )  # fmt: skip
+    (tmp_path / "m.inp").write_text(f"{text}*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n*END STEP\n")
+    subprocess.run(["ccx", "-i", "m"], cwd=tmp_path, check=True, capture_output=True)
+    (tmp_path / "m.inp").write_text(text.replace("7.8e-9", str(density)))
+    model, _ = import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
+    assert read_model(tmp_path / "m.h5").density["C3D8"].tolist() == [density] * 4
+    upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
+    if density != 7.8e-9:
+        with pytest.raises(UnknownMassError, match="the matrices do not tell"):
+            inertia_of(model, upward)
+        return
+    # Of two elements in a row the held nodes' own is a quarter of the mass.
+    weight = inertia_of(model, upward)[np.asarray(model.dof_direction) == 3].sum()
+    assert weight == pytest.approx(0.75 * 20.0 * 16.0 * 7.0 * 7.8e-9, rel=1e-6)
+
+
+def test_matrices_of_another_mass_than_the_mesh_are_told(tmp_path):
+    (tmp_path / "m.inp").write_text(f"{beam('C3D8')}*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n*END STEP\n")
+    subprocess.run(["ccx", "-i", "m"], cwd=tmp_path, check=True, capture_output=True)
+    for density in (7.8e-9, 8.0e-9):
+        (tmp_path / "m.inp").write_text(beam("C3D8").replace("7.8e-9", str(density)))
+        _, notes = import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
+        # 1 - 7.8 / 8
+        assert any("by 0.025 of it" in note for note in notes) == (density != 7.8e-9)

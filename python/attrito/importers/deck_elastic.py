@@ -1,6 +1,8 @@
-"""Elastic constants of a deck's elements: `*ELASTIC` of the material that `*SOLID SECTION` names."""
+"""Constants of a deck's elements: `*ELASTIC` and `*DENSITY` of the material that `*SOLID SECTION` names."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 
@@ -23,34 +25,58 @@ def elastic_constants(blocks: list[Block], elements: dict[str, np.ndarray]) -> d
     -------
     `[E, 2]` by type, NaN where they are not known; no type: of none of its elements
     """
-    materials = _materials(blocks)
-    of_element: dict[int, tuple[float, float]] = {}
+    return _of_elements(blocks, elements, _of_materials(blocks, "ELASTIC", _constants), (np.nan, np.nan))
+
+
+def densities(blocks: list[Block], elements: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Density of elements, `[E]` by type, as `elastic_constants`."""
+    found = _of_elements(blocks, elements, _of_materials(blocks, "DENSITY", _density), (np.nan,))
+    return {kind: values[:, 0] for kind, values in found.items()}
+
+
+def _of_elements(
+    blocks: list[Block],
+    elements: dict[str, np.ndarray],
+    materials: dict[str, tuple[float, ...]],
+    nothing: tuple[float, ...],
+) -> dict[str, np.ndarray]:
+    """Constants of elements by the materials that their sections name."""
+    of_element: dict[int, tuple[float, ...]] = {}
     sets = ElementSets(blocks)
     for block in blocks:
         constants = materials.get(block.parameters.get("MATERIAL", "").upper())
         if block.keyword == "SOLID SECTION" and constants is not None:
             of_element |= dict.fromkeys(sets.members(block.parameters.get("ELSET", "")).tolist(), constants)
-    nothing = (np.nan, np.nan)
     found = {
-        kind: np.array([of_element.get(element, nothing) for element in ids.tolist()], dtype=float).reshape(-1, 2)
+        kind: np.array([of_element.get(element, nothing) for element in ids.tolist()]).reshape(-1, len(nothing))
         for kind, ids in elements.items()
     }
     return {kind: constants for kind, constants in found.items() if np.isfinite(constants).any()}
 
 
-def _materials(blocks: list[Block]) -> dict[str, tuple[float, float]]:
+def _of_materials(
+    blocks: list[Block], keyword: str, read: Callable[[str], tuple[float, ...] | None]
+) -> dict[str, tuple[float, ...]]:
     """Constants of isotropic materials by name, in capitals."""
-    found: dict[str, tuple[float, float]] = {}
+    found: dict[str, tuple[float, ...]] = {}
     name = ""
     for block in blocks:
         if block.keyword == "MATERIAL":
             name = block.parameters.get("NAME", "").upper()
         is_isotropic = block.parameters.get("TYPE", "ISO").upper() in ("ISO", "ISOTROPIC")
-        if block.keyword == "ELASTIC" and is_isotropic and block.data:
-            constants = _constants(block.data[0])
+        if block.keyword == keyword and is_isotropic and block.data:
+            constants = read(block.data[0])
             if constants is not None:
                 found[name] = constants
     return found
+
+
+def _density(line: str) -> tuple[float] | None:
+    try:
+        density = number(fields(line)[0])
+    except ValueError:
+        return None
+    return (density,) if 0.0 < density < np.inf else None
 
 
 def _constants(line: str) -> tuple[float, float] | None:

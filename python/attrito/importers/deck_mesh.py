@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.importers.deck import Block, read_blocks
-from attrito.importers.deck_elastic import ElementSets, elastic_constants
+from attrito.importers.deck_elastic import ElementSets, densities, elastic_constants
 from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type, fields, integers, set_members
 from attrito.importers.deck_remarks import remarks
 from attrito.importers.mesh_data import Mesh, check_coordinates
@@ -99,7 +99,8 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     check_coordinates(str(path), node_ids, mesh.coordinates)
     for block, cells in zip(element_blocks, read.cells, strict=True):
         _add_elements(mesh, block, node_ids[cells.data])
-    mesh.elastic = elastic_constants(blocks, {kind: ids for kind, (ids, _) in mesh.elements.items()})
+    ids = {kind: own for kind, (own, _) in mesh.elements.items()}
+    mesh.elastic, mesh.density = elastic_constants(blocks, ids), densities(blocks, ids)
     mesh.skipped = [f"elements of type {element_type(block)}, line {block.line}" for block in others]
     mesh.remarks = remarks(blocks, {*_NOT_READ, *_PARAMETERS, *CONSTRAINTS})
     mesh.node_sets = _node_sets(blocks, node_ids, mesh)

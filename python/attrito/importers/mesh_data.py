@@ -29,6 +29,7 @@ class Mesh:
     node_ids, coordinates : `[N]`, `[N, 3]` (user length), in the order of the file
     elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
     elastic : for each type Young's modulus (user force/length^2) and Poisson's ratio `[E, 2]`, NaN where not known
+    density : for each type that of its elements `[E]` (user mass/length^3), NaN where not known
     node_sets : for each name its node ids, ascending
     files : every file read, the deck first
     constraints : keywords, with their line, that make dofs depend on others
@@ -43,6 +44,7 @@ class Mesh:
     coordinates: np.ndarray
     elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     elastic: dict[str, np.ndarray] = field(default_factory=dict)
+    density: dict[str, np.ndarray] = field(default_factory=dict)
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)
     constraints: list[str] = field(default_factory=list)

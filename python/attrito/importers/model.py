@@ -22,6 +22,7 @@ from attrito.importers.prestress import check_holdings, hold
 from attrito.importers.source import Source
 from attrito.importers.turning import turn
 from attrito.job.checks import DIRECTIONS
+from attrito.model.held_mass import other_mass
 from attrito.model.model import Model
 from attrito.model.model_file import write_model
 from attrito.model.rigidity import resisted_rotation
@@ -162,14 +163,14 @@ def _model(
     files = [split_name(path)[0] for path in where.values()] + ([] if dofs is None else [str(dofs)])
     if nodes is not None:
         model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
-        model.elements, model.elastic, model.node_sets = nodes.elements, nodes.elastic, nodes.node_sets
+        model.elements, model.node_sets = nodes.elements, nodes.node_sets
+        model.elastic, model.density = nodes.elastic, nodes.density
         model.dependent = _dependent(parts, nodes)
         files += map(str, nodes.files)
     check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, list(dict.fromkeys(files)))
-    resists = resisted_rotation(model)
-    warnings = [] if resists is None else [f"warning: {resists}"]
+    warnings = [f"warning: {said}" for said in (resisted_rotation(model), other_mass(model)) if said is not None]
     return model, _notes(model) + first_look(model) + turned + held + parts.notes + _mesh_notes(nodes) + warnings
 
 

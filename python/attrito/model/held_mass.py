@@ -6,7 +6,10 @@ A structure whose nodes all have the accelerations a is loaded by
 
 over all nodes j of the shape functions N. Free ones are in the matrices, held ones are not. The mesh has the shape
 functions, and the matrices tell the density, by which alone entries of both differ: for each kind of element and its
-elastic constants, and by that of two rules of integration with which they agree best.
+constants, and by that of two rules of integration with which they agree best. Where no entries can be compared, the
+deck's density counts if with it the mesh has the mass of the matrices, r^T M r along a direction, held nodes left out:
+
+    r^T M r = sum_ij m_ij over all nodes that are not held.
 
 Nodes that depend on others are in the matrices of these. They move as the others say, which need not be as the
 accelerations do: those of rotation are no rigid motion. Rows next to such nodes are held against the mesh: what they
@@ -45,11 +48,13 @@ class _Block:
     ----------
     rows : of their nodes, `[E, k]`
     masses : m_ij of unit density by each rule, `[rules, E, k, k]`
+    density : that the deck gives, NaN where it gives none
     mass : by the rule chosen, and of its density; none where it is not known, `[E, k, k]`
     """
 
     rows: np.ndarray
     masses: list[np.ndarray]
+    density: float = np.nan
     mass: np.ndarray | None = None
 
     def sums(self, masses: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
@@ -69,6 +74,22 @@ def inertia_of(model: Model, acceleration: np.ndarray) -> np.ndarray:
     return SharedMass(model).inertia(acceleration)
 
 
+def other_mass(model: Model) -> str | None:
+    """What to say of matrices that have another mass than the mesh by its densities; None where nothing is to be said.
+
+    Nodes that depend on others need not move along as these do.
+    """
+    if not model.has_mesh or len(model.dependent) or not model.density:
+        return None
+    errors = SharedMass(model).mass_errors
+    if errors is None or (worst := np.abs(errors).min(axis=0).max()) <= SAME_MASS:
+        return None
+    return (
+        f"the matrices have another mass than the solids of the mesh by its *DENSITY, by {worst:.2g} of it, held dofs"
+        " left out in both: is there mass at points or of elements left out of the mesh, or do files not go together?"
+    )
+
+
 class SharedMass:
     """The solids of a mesh that have a node without a dof."""
 
@@ -86,6 +107,8 @@ class SharedMass:
         self.blocks = self._blocks()
         for block in self.blocks:
             self._choose(block)
+        if any(block.mass is None for block in self.blocks):
+            self._take_densities()
 
     def inertia(self, acceleration: np.ndarray) -> np.ndarray:
         """As `inertia_of`."""
@@ -104,6 +127,11 @@ class SharedMass:
             raise UnknownMassError(
                 f"forces in a file: the matrices do not tell {missed / np.abs(load).sum():.1e} of these, by how nodes"
                 " that *RIGID BODY, *EQUATION, *TIE or the like move follow the acceleration"
+            )
+        if self.depends.any() and (share := self.unknown_share) > MISSED:
+            raise UnknownMassError(
+                f"forces in a file: the matrices do not tell {share:.1e} of the mass, which nodes next to supports"
+                " share with them, nor does the mesh, since *RIGID BODY, *EQUATION, *TIE or the like move nodes there"
             )
         return load
 
@@ -142,8 +170,9 @@ class SharedMass:
         blocks = []
         for kind, rows in solids.items():
             adjacent = np.flatnonzero(near[rows].any(axis=1))
-            elastic = model.elastic.get(kind)
-            of = np.zeros((len(adjacent), 1)) if elastic is None else np.nan_to_num(elastic[adjacent])
+            elastic = model.elastic.get(kind, np.full((len(rows), 2), np.nan))[adjacent]
+            density = model.density.get(kind, np.full(len(rows), np.nan))[adjacent]
+            of = np.nan_to_num(np.column_stack([elastic, density]))
             material = np.unique(of, axis=0, return_inverse=True)[1].ravel()
             for number in range(material.max(initial=-1) + 1):
                 own = rows[adjacent[material == number]]
@@ -152,8 +181,48 @@ class SharedMass:
                     values = mass_shapes(kind, rule)[0]
                     volumes = _volumes(model, kind, own, rule)
                     masses.append(np.einsum("ep,pi,pj->eij", volumes, values, values, optimize=True))
-                blocks.append(_Block(own, masses))
+                blocks.append(_Block(own, masses, float(density[material == number][0])))
         return blocks
+
+    def _take_densities(self) -> None:
+        """The deck's densities of blocks whose entries cannot be compared, by the rule that has the matrices' mass."""
+        unknown = [block for block in self.blocks if block.mass is None]
+        errors = self.mass_errors
+        if errors is None or not np.isfinite([block.density for block in unknown]).all():
+            return
+        rule, d = np.unravel_index(np.argmin(np.abs(errors)), errors.shape)
+        if abs(errors[rule, d]) <= SAME_MASS:
+            for block in unknown:
+                block.mass = block.density * block.masses[rule]
+
+    @cached_property
+    def mass_errors(self) -> np.ndarray | None:
+        """What the matrices have less of mass than a mesh whose densities are all known, a part of it, `[rules, 3]`."""
+        model, whole = self._model, 0.0
+        if any(kind not in KINDS for kind in model.elements):
+            return None
+        for kind, (_, nodes) in model.elements.items():
+            density = model.density.get(kind, np.full(len(nodes), np.nan))
+            for part in np.array_split(np.arange(len(nodes)), len(nodes) // 10000 + 1):
+                whole += float(density[part] @ _volumes(model, kind, self._rows_of(nodes[part]), 0).sum(axis=1))
+        if not whole > 0.0:
+            return None
+        return np.array(
+            [[1.0 - (self._along(d) + self._of_held(d, rule)) / whole for d in range(3)] for rule in (0, 1)]
+        )
+
+    def _along(self, d: int) -> float:
+        """r^T M r of a translation of all that moves."""
+        return float(self._own_sums(d)[self.dof[:, d] >= 0].sum())
+
+    def _of_held(self, d: int, rule: int) -> float:
+        """What of the mass of the mesh is between nodes of which one is held along a direction, or both are."""
+        found = 0.0
+        for block in self.blocks:
+            mass = block.density * block.masses[rule] if block.mass is None else block.mass
+            free = 1.0 - self.held[block.rows, d]
+            found += float(mass.sum() - np.einsum("ei,eij,ej->", free, mass, free, optimize=True))
+        return found
 
     def _choose(self, block: _Block) -> None:
         """The rule and the density of a block, by entries of the matrix that belong to it alone."""

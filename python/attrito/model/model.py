@@ -28,6 +28,7 @@ class Model:
     elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
     elastic : for each type of elements Young's modulus (user force/length^2) and Poisson's ratio `[E, 2]`, NaN where
         not known; no type: not known of any of its elements
+    density : for each type of elements that of each `[E]`, user mass/length^3, NaN where not known; or no type
     node_sets : for each name its node ids, ascending
     dependent : `[k, 2]`, nodes and directions of displacements that depend on others, as the mesh file says
     size : number of dofs n; taken from the stiffness matrix when there is one
@@ -44,6 +45,7 @@ class Model:
     coordinates: np.ndarray | None = None
     elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     elastic: dict[str, np.ndarray] = field(default_factory=dict)
+    density: dict[str, np.ndarray] = field(default_factory=dict)
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     dependent: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.int64))
     size: int = 0

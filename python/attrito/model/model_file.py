@@ -93,6 +93,9 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
             young, poisson = model.elastic[kind].T
             put(f"elements/{kind}/young_modulus", young, np.float64, f"Young's modulus {words}", "user force/length^2")
             put(f"elements/{kind}/poisson_ratio", poisson, np.float64, f"Poisson's ratio {words}")
+        if kind in model.density:
+            words = f"density of each {kind} element; NaN: not known"
+            put(f"elements/{kind}/density", model.density[kind], np.float64, words, "user mass/length^3")
     for name, ids in model.node_sets.items():
         put(f"node_sets/{name}", ids, np.int64, f"node ids of the set {name}, ascending")
 
@@ -204,6 +207,7 @@ class _Reader:
             self.known(connectivity, key, model.node_ids)
             model.elements[kind] = (ids, connectivity)
             self.elastic(model, kind)
+            self.density(model, kind)
         for name in self.file.get("node_sets", ()):
             model.node_sets[name] = self.array(f"node_sets/{name}", 1)
             self.known(model.node_sets[name], f"node_sets/{name}", model.node_ids)
@@ -225,6 +229,18 @@ class _Reader:
             value = f"{young[wrong[0]]}, {poisson[wrong[0]]} of element {wrong[0]}"
             self.expect(False, names[0], value, "a modulus above 0 and a Poisson's ratio between -1 and 0.5, or NaN")
         model.elastic[kind] = np.column_stack(constants)
+
+    def density(self, model: Model, kind: str) -> None:
+        name = f"elements/{kind}/density"
+        if name not in self.file:
+            return
+        values = self.array(name, 1, unknown=True)
+        count = len(model.elements[kind][0])
+        self.expect(len(values) == count, name, f"{len(values)} values", f"one for each of {count} elements")
+        wrong = np.flatnonzero(~(np.isfinite(values) & (values > 0.0)) & ~np.isnan(values))
+        if len(wrong):
+            self.expect(False, name, f"{values[wrong[0]]} of element {wrong[0]}", "a density above 0, or NaN")
+        model.density[kind] = values
 
     def wanted(self, name: str) -> bool:
         return name in ("stiffness", "mass") or name in self.file
