@@ -18,10 +18,12 @@ from attrito.support.errors import InputError
 SPEED_HZ = 30.0
 
 
-def brick(held=lambda points: np.zeros(len(points), dtype=bool), shape=lambda points: points, seed=5) -> Model:
+def brick(
+    held=lambda points: np.zeros(len(points), dtype=bool), shape=lambda points: points, seed=5, layers=3
+) -> Model:
     """An elastic body of eight-node bricks with its mesh and the sets `low` and `high` (its ends in x)."""
-    body = synthetic.block("C3D8", (3, 2, 2), (0.1, 0.04, 0.03), shape)
-    x = synthetic.block("C3D8", (3, 2, 2), (0.1, 0.04, 0.03)).points[:, 0]
+    body = synthetic.block("C3D8", (layers, 2, 2), (0.1, 0.04, 0.03), shape)
+    x = synthetic.block("C3D8", (layers, 2, 2), (0.1, 0.04, 0.03)).points[:, 0]
     sets = {"low": lambda points, owner: x < 1e-9, "high": lambda points, owner: x > 0.1 - 1e-9}
     model = synthetic.assemble([body], sets, held, seed)
     stiffness, mass = assemble_bricks(body.points, body.connectivity)

@@ -13,7 +13,7 @@ from scipy.sparse.linalg import spsolve
 
 from attrito.importers import import_model
 from attrito.model.accelerations import rigid_translation
-from attrito.model.held_mass import SharedMass, UnknownMassError, inertia_of
+from attrito.model.held_mass import SharedMass, UnknownMassError, inertia_of, other_mass
 from attrito.model.model import Model
 from attrito.model.model_file import read_model
 from attrito.model.rotation import Spin, centrifugal_load
@@ -96,6 +96,51 @@ def test_a_load_that_a_node_which_moves_as_another_shares_with_a_support_is_refu
     model, _ = coupled(brick(held=lambda points: points[:, 0] < 1e-9), (0.1 / 3.0, 0.0, 0.0))
     with pytest.raises(UnknownMassError, match="the matrices do not tell"):
         inertia_of(model, np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1)))
+
+
+def with_density(depth: float) -> tuple[Model, np.ndarray]:
+    """A brick held up to a depth along x whose density is known, and its supports."""
+    whole, model = brick(), brick(held=lambda points: points[:, 0] < depth)
+    along = rigid_translation(whole, (1.0, 0.0, 0.0))
+    density = along @ whole.mass @ along / (0.1 * 0.04 * 0.03)
+    model.density = {kind: np.full(len(ids), density) for kind, (ids, _) in model.elements.items()}
+    free = set(zip(model.dof_node, model.dof_direction, strict=True))
+    return model, np.array([place for place in product(model.node_ids, (1, 2, 3)) if place not in free])
+
+
+@pytest.mark.parametrize("depth", [1e-9, 0.04, 0.07])
+def test_elements_that_supports_hold_as_a_whole_lack_no_mass(depth):
+    model, supports = with_density(depth)
+    assert other_mass(model, supports) is None
+    model.mass = 1.05 * model.mass
+    assert "% more mass" in other_mass(model, supports)
+    # Without dofs for other reasons: reduced, as by Guyan
+    assert other_mass(model, supports[1:]) is None
+
+
+@pytest.mark.parametrize("depth", [1e-9, 0.04, 0.07])
+def test_a_lumped_mass_is_not_said_to_be_another(depth):
+    model, supports = with_density(depth)
+    free = {place: i for i, place in enumerate(zip(model.dof_node, model.dof_direction, strict=True))}
+    lumped = np.asarray(brick().mass.sum(axis=1)).ravel()
+    place = zip(brick().dof_node, brick().dof_direction, strict=True)
+    model.mass = diags([m for m, at in zip(lumped, place, strict=True) if at in free]).tocsr()
+    assert other_mass(model, supports) is None
+
+
+def test_densities_count_where_supports_hold_elements_as_a_whole():
+    """Of two layers of free nodes, all in an element with one at the end that depends on another."""
+    held = {"held": lambda points: points[:, 0] < 0.07, "layers": 5}
+    density = {kind: np.full(20, one[0]) for kind, one in with_density(0.0)[0].density.items()}
+    model, onto = coupled(brick(**held), (0.1, 0.02, 0.015))
+    model.density = density
+    upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
+    expected = onto.T @ of_whole(brick(layers=5), brick(**held), upward)
+    assert inertia_of(model, upward) == pytest.approx(expected, rel=1e-9, abs=1e-12 * np.abs(expected).max())
+    # What a mass is wrong by, 2e-3 of all, counts as a part of what shows it.
+    model.density = {kind: 1.002 * one for kind, one in density.items()}
+    with pytest.raises(UnknownMassError, match="DENSITY in the deck"):
+        inertia_of(model, upward)
 
 
 @pytest.mark.parametrize("bricks", [2, 5])
@@ -231,4 +276,4 @@ def test_matrices_of_another_mass_than_the_mesh_are_told(tmp_path):
         (tmp_path / "m.inp").write_text(beam("C3D8").replace("7.8e-9", str(density)))
         _, notes = import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
         # 1 - 7.8 / 8
-        assert any("by 0.025 of it" in note for note in notes) == (density != 7.8e-9)
+        assert any("2.5 % less mass" in note for note in notes) == (density != 7.8e-9)

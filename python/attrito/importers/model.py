@@ -170,7 +170,8 @@ def _model(
     check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, list(dict.fromkeys(files)))
-    warnings = [f"warning: {said}" for said in (resisted_rotation(model), other_mass(model)) if said is not None]
+    said = [resisted_rotation(model), None if nodes is None else other_mass(model, nodes.held)]
+    warnings = [f"warning: {what}" for what in said if what is not None]
     return model, _notes(model) + first_look(model) + turned + held + parts.notes + _mesh_notes(nodes) + warnings
 
 

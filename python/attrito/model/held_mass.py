@@ -74,19 +74,32 @@ def inertia_of(model: Model, acceleration: np.ndarray) -> np.ndarray:
     return SharedMass(model).inertia(acceleration)
 
 
-def other_mass(model: Model) -> str | None:
+def other_mass(model: Model, supports: np.ndarray) -> str | None:
     """What to say of matrices that have another mass than the mesh by its densities; None where nothing is to be said.
 
-    Nodes that depend on others need not move along as these do.
+    Nodes that depend on others need not move along as these do, others without dofs may have been reduced, and what a
+    lumped mass has at free nodes next to supports depends on how it was lumped.
+
+    Parameters
+    ----------
+    supports : nodes and directions that the deck holds, `[k, 2]`
     """
     if not model.has_mesh or len(model.dependent) or not model.density:
         return None
-    errors = SharedMass(model).mass_errors
-    if errors is None or (worst := np.abs(errors).min(axis=0).max()) <= SAME_MASS:
+    shared = SharedMass(model)
+    if shared.has_held_beyond(supports) or (shared.blocks and shared.is_lumped):
+        return None
+    errors = shared.mass_errors
+    if errors is None:
+        return None
+    best = np.take_along_axis(errors, np.argmin(np.abs(errors), axis=0)[None], axis=0).ravel()
+    worst = best[np.nanargmax(np.abs(best))]
+    if abs(worst) <= SAME_MASS:
         return None
     return (
-        f"the matrices have another mass than the solids of the mesh by its *DENSITY, by {worst:.2g} of it, held dofs"
-        " left out in both: is there mass at points or of elements left out of the mesh, or do files not go together?"
+        f"the matrices have {100.0 * abs(worst):.2g} % {'less' if worst > 0.0 else 'more'} mass than the mesh's solids"
+        " by the deck's *DENSITY, held dofs left out in both: is there mass at points or of elements left out of the"
+        " mesh, or do files not go together?"
     )
 
 
@@ -114,7 +127,7 @@ class SharedMass:
         """As `inertia_of`."""
         model = self._model
         load = np.asarray(model.mass @ model.on_dofs(acceleration))
-        if self._is_lumped:
+        if self.is_lumped:
             return load
         known = [(block, block.mass) for block in self.blocks if block.mass is not None]
         missed = 0.0
@@ -130,15 +143,16 @@ class SharedMass:
             )
         if self.depends.any() and (share := self.unknown_share) > MISSED:
             raise UnknownMassError(
-                f"forces in a file: the matrices do not tell {share:.1e} of the mass, which nodes next to supports"
-                " share with them, nor does the mesh, since *RIGID BODY, *EQUATION, *TIE or the like move nodes there"
+                f"*DENSITY in the deck, imported again, or forces in a file: the matrices do not tell {share:.1e} of"
+                " the mass, which nodes next to supports share with them, nor does the mesh, since *RIGID BODY,"
+                " *EQUATION, *TIE or the like move nodes there"
             )
         return load
 
     @cached_property
     def unknown_share(self) -> float:
         """Part of the mass of the mesh, its density being the same everywhere, that loads by mass lack."""
-        if self._is_lumped or not self.blocks:
+        if self.is_lumped or not self.blocks:
             return 0.0
         lost = 0.0
         crossing = bool(self.kinds_not_told)
@@ -154,6 +168,13 @@ class SharedMass:
             for part in np.array_split(self._rows_of(nodes), len(nodes) // 10000 + 1)
         )
         return abs(lost) / whole
+
+    def has_held_beyond(self, supports: np.ndarray) -> bool:
+        """Whether a node of an element has no dof along a direction in which no support `[k, 2]` holds it."""
+        held = np.zeros(self.held.shape, dtype=bool)
+        own = np.isin(supports[:, 0], self._model.node_ids) & np.isin(supports[:, 1], (1, 2, 3))
+        held[self._rows_of(supports[own, 0]), supports[own, 1] - 1] = True
+        return any(bool((self.held & ~held)[self._rows_of(nodes)].any()) for _, nodes in self._model.elements.values())
 
     def _rows_of(self, nodes: np.ndarray) -> np.ndarray:
         """Rows in `Model.node_ids`."""
@@ -185,42 +206,63 @@ class SharedMass:
         return blocks
 
     def _take_densities(self) -> None:
-        """The deck's densities of blocks whose entries cannot be compared, by the rule that has the matrices' mass."""
+        """The deck's densities of blocks whose entries cannot be compared, by the rule that has the matrices' mass.
+
+        What that mass lacks is a part of what these blocks have between free nodes, and by the same part what they
+        share with held ones, and loads take, may be wrong.
+        """
         unknown = [block for block in self.blocks if block.mass is None]
         errors = self.mass_errors
         if errors is None or not np.isfinite([block.density for block in unknown]).all():
             return
-        rule, d = np.unravel_index(np.argmin(np.abs(errors)), errors.shape)
-        if abs(errors[rule, d]) <= SAME_MASS:
+        wrong = np.full(errors.shape, np.inf)
+        for rule, d in np.ndindex(*errors.shape):
+            free, between = 0.0, np.zeros(3)
+            for block in unknown:
+                mass = block.density * block.masses[rule]
+                moves = 1.0 - self.held[block.rows].astype(float)
+                free += float(np.einsum("ei,eij,ej->", moves[..., d], mass, moves[..., d], optimize=True))
+                between += np.einsum("eid,eij,ejd->d", moves, np.abs(mass), 1.0 - moves, optimize=True)
+            if free > 0.0 and np.isfinite(errors[rule, d]):
+                wrong[rule, d] = abs(errors[rule, d]) * between.max() / free
+        rule, d = np.unravel_index(np.argmin(wrong), errors.shape)
+        if wrong[rule, d] <= MISSED:
             for block in unknown:
                 block.mass = block.density * block.masses[rule]
 
     @cached_property
     def mass_errors(self) -> np.ndarray | None:
-        """What the matrices have less of mass than a mesh whose densities are all known, a part of it, `[rules, 3]`."""
-        model, whole = self._model, 0.0
+        """What the matrices have less of mass than a mesh whose densities are all known, a part of it, `[rules, 3]`.
+
+        Elements that are held as a whole along a direction are left out: no free node shares their mass. NaN along
+        directions in which all are.
+        """
+        model, whole = self._model, np.zeros(3)
         if any(kind not in KINDS for kind in model.elements):
             return None
         for kind, (_, nodes) in model.elements.items():
             density = model.density.get(kind, np.full(len(nodes), np.nan))
             for part in np.array_split(np.arange(len(nodes)), len(nodes) // 10000 + 1):
-                whole += float(density[part] @ _volumes(model, kind, self._rows_of(nodes[part]), 0).sum(axis=1))
-        if not whole > 0.0:
+                rows = self._rows_of(nodes[part])
+                masses = density[part] * _volumes(model, kind, rows, 0).sum(axis=1)
+                moves = ~self.held[rows].all(axis=1)
+                whole += [masses[moves[:, d]].sum() for d in range(3)]
+        if np.isnan(whole).any() or not whole.any():
             return None
-        return np.array(
-            [[1.0 - (self._along(d) + self._of_held(d, rule)) / whole for d in range(3)] for rule in (0, 1)]
-        )
+        found = np.array([[self._along(d) + self._of_held(d, rule) for d in range(3)] for rule in (0, 1)])
+        return 1.0 - found / np.where(whole > 0.0, whole, np.nan)
 
     def _along(self, d: int) -> float:
         """r^T M r of a translation of all that moves."""
         return float(self._own_sums(d)[self.dof[:, d] >= 0].sum())
 
     def _of_held(self, d: int, rule: int) -> float:
-        """What of the mass of the mesh is between nodes of which one is held along a direction, or both are."""
+        """What of the mass of elements with free nodes is between nodes of which one is held along d, or both are."""
         found = 0.0
         for block in self.blocks:
             mass = block.density * block.masses[rule] if block.mass is None else block.mass
             free = 1.0 - self.held[block.rows, d]
+            mass, free = mass[free.any(axis=1)], free[free.any(axis=1)]
             found += float(mass.sum() - np.einsum("ei,eij,ej->", free, mass, free, optimize=True))
         return found
 
@@ -325,7 +367,7 @@ class SharedMass:
         return np.concatenate(found)
 
     @cached_property
-    def _is_lumped(self) -> bool:
+    def is_lumped(self) -> bool:
         """Whether no node next to a support shares any mass: all of it is in the rows."""
         own = np.unique(np.concatenate([self.dof[block.rows].ravel() for block in self.blocks] or [np.empty(0, int)]))
         own = own[own >= 0]
