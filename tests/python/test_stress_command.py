@@ -308,6 +308,20 @@ def test_constants_of_a_deck_reach_their_elements(tmp_path):
     assert np.array_equal(mesh.elastic["C3D4"], expected, equal_nan=True)
 
 
+def test_a_later_section_of_unknown_constants_unsets_those_of_an_earlier_one(tmp_path):
+    later = "*SOLID SECTION, ELSET=BOTH, MATERIAL=STEEL\n"
+    (tmp_path / "deck.inp").write_text(f"{DECK}{later}*SOLID SECTION, ELSET=range, MATERIAL=crystal\n")
+    mesh = read_mesh(tmp_path / "deck.inp")
+    assert np.isnan(mesh.elastic["C3D4"]).all(axis=1).tolist() == [False, True, True, False, True]
+    assert np.array_equal(mesh.density["C3D4"], [7.8e-9, np.nan, np.nan, 7.8e-9, np.nan], equal_nan=True)
+
+
+@pytest.mark.parametrize(("lines", "known"), [("7.8e-9, 20.\n7.8e-9, 600.", True), ("7.8e-9, 20.\n7e-9, 600.", False)])
+def test_a_density_that_depends_on_the_temperature_is_not_known(tmp_path, lines, known):
+    (tmp_path / "deck.inp").write_text(DECK.replace("*Density\n7.8e-9", f"*Density\n{lines}"))
+    assert ("C3D4" in read_mesh(tmp_path / "deck.inp").density) == known
+
+
 @pytest.mark.parametrize("constants", ["<young>, 0.3", "-1., 0.3", "1e3, 0.5", ",", "abc"])
 def test_constants_that_are_none_stay_unknown(tmp_path, constants):
     (tmp_path / "deck.inp").write_text(DECK.replace("2.1D5, 0.3, 20.\n1.9D5, 0.3, 500.", constants))

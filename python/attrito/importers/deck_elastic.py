@@ -40,12 +40,12 @@ def _of_elements(
     materials: dict[str, tuple[float, ...]],
     nothing: tuple[float, ...],
 ) -> dict[str, np.ndarray]:
-    """Constants of elements by the materials that their sections name."""
+    """Constants of elements by the materials that their sections name; the last section of an element counts."""
     of_element: dict[int, tuple[float, ...]] = {}
     sets = ElementSets(blocks)
     for block in blocks:
-        constants = materials.get(block.parameters.get("MATERIAL", "").upper())
-        if block.keyword == "SOLID SECTION" and constants is not None:
+        if block.keyword == "SOLID SECTION":
+            constants = materials.get(block.parameters.get("MATERIAL", "").upper(), nothing)
             of_element |= dict.fromkeys(sets.members(block.parameters.get("ELSET", "")).tolist(), constants)
     found = {
         kind: np.array([of_element.get(element, nothing) for element in ids.tolist()]).reshape(-1, len(nothing))
@@ -55,7 +55,7 @@ def _of_elements(
 
 
 def _of_materials(
-    blocks: list[Block], keyword: str, read: Callable[[str], tuple[float, ...] | None]
+    blocks: list[Block], keyword: str, read: Callable[[list[str]], tuple[float, ...] | None]
 ) -> dict[str, tuple[float, ...]]:
     """Constants of isotropic materials by name, in capitals."""
     found: dict[str, tuple[float, ...]] = {}
@@ -65,27 +65,28 @@ def _of_materials(
             name = block.parameters.get("NAME", "").upper()
         is_isotropic = block.parameters.get("TYPE", "ISO").upper() in ("ISO", "ISOTROPIC")
         if block.keyword == keyword and is_isotropic and block.data:
-            constants = read(block.data[0])
+            constants = read(block.data)
             if constants is not None:
                 found[name] = constants
     return found
 
 
-def _density(line: str) -> tuple[float] | None:
+def _density(lines: list[str]) -> tuple[float] | None:
+    """Density, None where it depends on the temperature: which one matrices have is not known."""
     try:
-        density = number(fields(line)[0])
+        density, *others = {number(fields(line)[0]) for line in lines}
     except ValueError:
         return None
-    return (density,) if 0.0 < density < np.inf else None
+    return (density,) if not others and 0.0 < density < np.inf else None
 
 
-def _constants(line: str) -> tuple[float, float] | None:
-    """Young's modulus and Poisson's ratio of a line; None where they are not those of an elastic solid.
+def _constants(lines: list[str]) -> tuple[float, float] | None:
+    """Young's modulus and Poisson's ratio of the first line; None where they are not those of an elastic solid.
 
     Parameters in angle brackets are no numbers, and a material that nothing is made of may have any: neither is a fault
     of a model whose matrices are right.
     """
-    words = fields(line)[:2]
+    words = fields(lines[0])[:2]
     try:
         young, poisson = number(words[0]), number(words[1]) if len(words) > 1 and words[1] else 0.0
     except ValueError:
