@@ -9,9 +9,12 @@ import sys
 import textwrap
 import time
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from jobs import ENVIRONMENT, TIMEOUT, chain, table, wait_for, wedge, write_job
+
+from attrito.cli import program
 
 
 def attrito_with_output(folder: Path, output: str, *arguments: str) -> subprocess.CompletedProcess[str]:
@@ -136,3 +139,18 @@ sys.exit(main(["run", "-q", "job.toml"]))
 """
     done = on_two_ranks(tmp_path, script)
     assert done.returncode == 2 and done.stderr.count("absent.so") == 1
+
+
+def test_ranks_that_have_come_at_the_deadline_are_there(monkeypatch):
+    """What has not come then is not waited for."""
+
+    class Ranks:
+        rank, size = 0, 2
+
+        def __init__(self, comes: bool):
+            self.irecv = lambda **_: SimpleNamespace(test=lambda: (comes, None))
+            self.isend = lambda *_: SimpleNamespace(wait=lambda: None)
+
+    monkeypatch.setattr(program, "PATIENCE", -1.0)
+    assert program._all_come(Ranks(comes=True))
+    assert not program._all_come(Ranks(comes=False))

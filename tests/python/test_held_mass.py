@@ -118,6 +118,18 @@ def test_elements_that_supports_hold_as_a_whole_lack_no_mass(depth):
     assert other_mass(model, supports[1:]) is None
 
 
+def test_supports_may_hold_a_direction_everywhere():
+    model, _ = with_density(0.04)
+    stays = np.flatnonzero(np.asarray(model.dof_direction) != 3)
+    model.stiffness, model.mass = (matrix[stays][:, stays] for matrix in (model.stiffness, model.mass))
+    model.dof_node, model.dof_direction = (np.asarray(one)[stays] for one in (model.dof_node, model.dof_direction))
+    model.size = len(stays)
+    free = set(zip(model.dof_node, model.dof_direction, strict=True))
+    supports = np.array([place for place in product(model.node_ids, (1, 2, 3)) if place not in free])
+    assert other_mass(model, supports) is None
+    assert SharedMass(model).unknown_share == 0.0
+
+
 @pytest.mark.parametrize("depth", [1e-9, 0.04, 0.07])
 def test_a_lumped_mass_is_not_said_to_be_another(depth):
     model, supports = with_density(depth)

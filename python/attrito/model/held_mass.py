@@ -280,6 +280,8 @@ class SharedMass:
                 # Point masses are on the diagonal.
                 row, column = mesh.nonzero()
                 counts = alone[row] & (row != column)
+                if not counts.any():
+                    continue
                 differs = np.abs(np.asarray((own - density * mesh)[row[counts], column[counts]]))
                 worst = max(worst, differs.max(initial=0.0) / density if density > 0.0 else np.inf)
             if worst <= SAME_MASS and worst < best:
