@@ -148,6 +148,18 @@ def test_matrices_that_resist_a_rigid_rotation_are_told_from_held_and_sound_ones
         assert resisted_rotation(told) is None
 
 
+def test_a_body_that_slides_along_a_plane_resists_no_rotation_beyond_it():
+    """Beside the plane of a regular mesh forces of a translation cancel, as if no support were there."""
+    model = brick(layers=6)
+    x = dict(zip(model.node_ids, model.coordinates[:, 0], strict=True))
+    held = np.array([x[node] < 1e-9 for node in model.dof_node]) & (np.asarray(model.dof_direction) == 1)
+    stays = np.flatnonzero(~held)
+    model.stiffness, model.mass = (matrix[stays][:, stays] for matrix in (model.stiffness, model.mass))
+    model.dof_node, model.dof_direction = (np.asarray(one)[stays] for one in (model.dof_node, model.dof_direction))
+    model.size = len(stays)
+    assert rotation_resistance(model) is None
+
+
 def odd_job() -> dict:
     """A job of which every kind of command warns: no contact touches, damping feeds a mode, rows are parallel."""
     job = wedge(force=1.0)

@@ -8,7 +8,7 @@ from itertools import product
 import numpy as np
 import pytest
 from bricks import brick
-from scipy.sparse import csr_matrix, diags, identity
+from scipy.sparse import block_diag, csr_matrix, diags, identity
 from scipy.sparse.linalg import spsolve
 
 from attrito.importers import import_model
@@ -138,6 +138,33 @@ def test_a_lumped_mass_is_not_said_to_be_another(depth):
     place = zip(brick().dof_node, brick().dof_direction, strict=True)
     model.mass = diags([m for m, at in zip(lumped, place, strict=True) if at in free]).tocsr()
     assert other_mass(model, supports) is None
+
+
+def test_a_lumped_body_beside_a_consistent_one_lacks_nothing():
+    """As first-order elements of Abaqus are beside second-order ones: two bodies, told apart by their constants."""
+    (one, supports), (other, _) = (with_density(1e-9) for _ in range(2))
+    place = {at: i for i, at in enumerate(zip(brick().dof_node, brick().dof_direction, strict=True))}
+    own = [place[at] for at in zip(other.dof_node, other.dof_direction, strict=True)]
+    lumped = diags(np.asarray(brick().mass.sum(axis=1)).ravel()[own]).tocsr()
+    far = one.node_ids.max()
+    both = Model(
+        block_diag([one.stiffness, other.stiffness], format="csr"), block_diag([one.mass, lumped], format="csr"),
+        dof_node=np.append(one.dof_node, np.asarray(other.dof_node) + far),
+        dof_direction=np.append(one.dof_direction, other.dof_direction),
+        node_ids=np.append(one.node_ids, other.node_ids + far),
+        coordinates=np.vstack([one.coordinates, other.coordinates + 1.0]),
+    )  # fmt: skip
+    for kind, (ids, rows) in one.elements.items():
+        both.elements[kind] = (np.append(ids, ids + ids.max()), np.vstack([rows, rows + far]))
+        both.density[kind] = np.tile(one.density[kind], 2)
+        both.elastic[kind] = np.repeat([[2.0e11, 0.3], [7.0e10, 0.3]], len(ids), axis=0)
+    assert other_mass(both, np.vstack([supports, supports + [far, 0]])) is None
+    assert SharedMass(both).unknown_share == 0.0
+    upward = np.tile([0.0, 0.0, 1.0], (len(both.node_ids), 1))
+    expected = np.append(
+        inertia_of(one, upward[: len(one.node_ids)]), lumped @ rigid_translation(other, (0.0, 0.0, 1.0))
+    )
+    assert inertia_of(both, upward) == pytest.approx(expected, rel=1e-12)
 
 
 def test_densities_count_where_supports_hold_elements_as_a_whole():
@@ -289,3 +316,24 @@ def test_matrices_of_another_mass_than_the_mesh_are_told(tmp_path):
         _, notes = import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
         # 1 - 7.8 / 8
         assert any("2.5 % less mass" in note for note in notes) == (density != 7.8e-9)
+
+
+POINT = "*ELEMENT, TYPE=MASS, ELSET=P\n900, 30\n*MASS, ELSET=P\n1e-6\n"
+
+
+@pytest.mark.parametrize("says", [POINT, "", "nonstructural"])
+def test_mass_of_which_the_deck_speaks_is_no_other_mass(tmp_path, says):
+    """At a point, of which CalculiX makes no node; spread over elements, which CalculiX does not know."""
+    step = "*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n*END STEP\n"
+    heavier = beam("C3D8").replace("7.8e-9", "8.0e-9") if says == "nonstructural" else beam("C3D8") + says
+    (tmp_path / "m.inp").write_text(heavier + step)
+    subprocess.run(["ccx", "-i", "m"], cwd=tmp_path, check=True, capture_output=True)
+    if says == "nonstructural":
+        (tmp_path / "m.inp").write_text(f"{beam('C3D8')}*NONSTRUCTURAL MASS, ELSET=E, UNITS=MASS PER VOLUME\n2e-10\n")
+    model, notes = import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
+    assert not [note for note in notes if note.startswith("warning")]
+    assert bool(model.density) == (says != "nonstructural")
+    # Of the layer at the support free nodes have the integral of x^2, a third, between them.
+    solid = (8.0e-9 if says == "nonstructural" else 7.8e-9) * 30.0 * 16.0 * 7.0 * 7.0 / 9.0
+    along = rigid_translation(model, (1.0, 0.0, 0.0))
+    assert along @ model.mass @ along == pytest.approx(solid + (1e-6 if says == POINT else 0.0), rel=1e-6)

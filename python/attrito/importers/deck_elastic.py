@@ -29,7 +29,9 @@ def elastic_constants(blocks: list[Block], elements: dict[str, np.ndarray]) -> d
 
 
 def densities(blocks: list[Block], elements: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Density of elements, `[E]` by type, as `elastic_constants`."""
+    """Density of elements, `[E]` by type, as `elastic_constants`; none where `*NONSTRUCTURAL MASS` adds to it."""
+    if any(block.keyword == "NONSTRUCTURAL MASS" for block in blocks):
+        return {}
     found = _of_elements(blocks, elements, _of_materials(blocks, "DENSITY", _density), (np.nan,))
     return {kind: values[:, 0] for kind, values in found.items()}
 

@@ -35,6 +35,8 @@ _SUPPORTS = {
     "YASYMM": (1, 3, 5),
     "ZASYMM": (1, 2, 6),
 }
+# Types that have nodes of solids, and in CalculiX add none
+_AT_NODES = ("MASS", "SPRING", "DASHPOT", "GAP")
 # What makes nodes, elements and sets, or moves them, in ways that are not read
 _NOT_READ = {
     "SYSTEM": "coordinates along the global axes",
@@ -60,8 +62,9 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     Parameters
     ----------
     path : the deck
-    skip : the matrices are not CalculiX's. Elements of other types are left out, and listed in `Mesh.skipped`, instead
-        of raising a fault; `*TRANSFORM` raises one, for CalculiX alone keeps dofs along x, y, z at such nodes
+    skip : the matrices are not CalculiX's. Elements of all other types are left out, and listed in `Mesh.skipped`,
+        instead of raising a fault where CalculiX makes nodes for them; `*TRANSFORM` raises one, for CalculiX alone
+        keeps dofs along x, y, z at such nodes
     """
     path = Path(path)
     blocks = list(read_blocks(path))
@@ -85,8 +88,9 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         missing = "*ELEMENT" if node_blocks else "*NODE"
         raise InputError(Fault(str(path), missing, "missing", "a mesh with *NODE and *ELEMENT"))
     others = [block for block in element_blocks if element_type(block) not in ELEMENT_TYPES]
-    if others and not skip:
-        raise InputError(*map(_type_fault, others))
+    expanded = [block for block in others if not element_type(block).startswith(_AT_NODES)]
+    if expanded and not skip:
+        raise InputError(*map(_type_fault, expanded))
     element_blocks = [block for block in element_blocks if block not in others]
 
     nodes = [_place(block, index) for block in node_blocks for index in range(len(block.data))]

@@ -170,7 +170,7 @@ def _model(
     check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, list(dict.fromkeys(files)))
-    said = [resisted_rotation(model), None if nodes is None else other_mass(model, nodes.held)]
+    said = [resisted_rotation(model), None if nodes is None else other_mass(model, nodes.held, bool(nodes.skipped))]
     warnings = [f"warning: {what}" for what in said if what is not None]
     return model, _notes(model) + first_look(model) + turned + held + parts.notes + _mesh_notes(nodes) + warnings
 

@@ -50,12 +50,14 @@ class _Block:
     masses : m_ij of unit density by each rule, `[rules, E, k, k]`
     density : that the deck gives, NaN where it gives none
     mass : by the rule chosen, and of its density; none where it is not known, `[E, k, k]`
+    is_lumped : nodes share no mass with others: all of it is in the rows
     """
 
     rows: np.ndarray
     masses: list[np.ndarray]
     density: float = np.nan
     mass: np.ndarray | None = None
+    is_lumped: bool = False
 
     def sums(self, masses: np.ndarray, values: np.ndarray, count: int) -> np.ndarray:
         """sum_j m_ij v_j of values at the nodes `[N]`, `[count]`."""
@@ -74,7 +76,7 @@ def inertia_of(model: Model, acceleration: np.ndarray) -> np.ndarray:
     return SharedMass(model).inertia(acceleration)
 
 
-def other_mass(model: Model, supports: np.ndarray) -> str | None:
+def other_mass(model: Model, supports: np.ndarray, is_part: bool = False) -> str | None:
     """What to say of matrices that have another mass than the mesh by its densities; None where nothing is to be said.
 
     Nodes that depend on others need not move along as these do, others without dofs may have been reduced, and what a
@@ -83,18 +85,17 @@ def other_mass(model: Model, supports: np.ndarray) -> str | None:
     Parameters
     ----------
     supports : nodes and directions that the deck holds, `[k, 2]`
+    is_part : elements were left out of the mesh, which may be the mass that matrices have more
     """
     if not model.has_mesh or len(model.dependent) or not model.density:
         return None
     shared = SharedMass(model)
-    if shared.has_held_beyond(supports) or (shared.blocks and shared.is_lumped):
-        return None
-    errors = shared.mass_errors
+    errors = None if shared.has_held_beyond(supports) else shared.mass_errors
     if errors is None:
         return None
     best = np.take_along_axis(errors, np.argmin(np.abs(errors), axis=0)[None], axis=0).ravel()
     worst = best[np.nanargmax(np.abs(best))]
-    if abs(worst) <= SAME_MASS:
+    if abs(worst) <= SAME_MASS or (is_part and worst < 0.0):
         return None
     return (
         f"the matrices have {100.0 * abs(worst):.2g} % {'less' if worst > 0.0 else 'more'} mass than the mesh's solids"
@@ -119,7 +120,9 @@ class SharedMass:
         self.held = (self.dof < 0) & ~self.depends
         self.blocks = self._blocks()
         for block in self.blocks:
-            self._choose(block)
+            block.is_lumped = self._is_lumped(block)
+            if not block.is_lumped:
+                self._choose(block)
         if any(block.mass is None for block in self.blocks):
             self._take_densities()
 
@@ -127,8 +130,6 @@ class SharedMass:
         """As `inertia_of`."""
         model = self._model
         load = np.asarray(model.mass @ model.on_dofs(acceleration))
-        if self.is_lumped:
-            return load
         known = [(block, block.mass) for block in self.blocks if block.mass is not None]
         missed = 0.0
         for d in range(3):
@@ -152,11 +153,9 @@ class SharedMass:
     @cached_property
     def unknown_share(self) -> float:
         """Part of the mass of the mesh, its density being the same everywhere, that loads by mass lack."""
-        if self.is_lumped or not self.blocks:
-            return 0.0
         lost = 0.0
         crossing = bool(self.kinds_not_told)
-        for block in self.blocks:
+        for block in (block for block in self.blocks if not block.is_lumped):
             for d in range(3):
                 held, depends = (which[block.rows, d] for which in (self.held, self.depends))
                 free = depends if block.mass is not None and not crossing else ~held
@@ -167,7 +166,7 @@ class SharedMass:
             if kind in KINDS
             for part in np.array_split(self._rows_of(nodes), len(nodes) // 10000 + 1)
         )
-        return abs(lost) / whole
+        return abs(lost) / whole if lost else 0.0
 
     def has_held_beyond(self, supports: np.ndarray) -> bool:
         """Whether a node of an element has no dof along a direction in which no support `[k, 2]` holds it."""
@@ -235,10 +234,10 @@ class SharedMass:
         """What the matrices have less of mass than a mesh whose densities are all known, a part of it, `[rules, 3]`.
 
         Elements that are held as a whole along a direction are left out: no free node shares their mass. NaN along
-        directions in which all are.
+        directions in which all are. None where a mass is lumped: what it has at free nodes depends on how.
         """
         model, whole = self._model, np.zeros(3)
-        if any(kind not in KINDS for kind in model.elements):
+        if any(kind not in KINDS for kind in model.elements) or any(block.is_lumped for block in self.blocks):
             return None
         for kind, (_, nodes) in model.elements.items():
             density = model.density.get(kind, np.full(len(nodes), np.nan))
@@ -368,10 +367,10 @@ class SharedMass:
             found += [lost, load[self.dof[rows, d]] - block.sums(mass, values, self._count)[rows]]
         return np.concatenate(found)
 
-    @cached_property
-    def is_lumped(self) -> bool:
-        """Whether no node next to a support shares any mass: all of it is in the rows."""
-        own = np.unique(np.concatenate([self.dof[block.rows].ravel() for block in self.blocks] or [np.empty(0, int)]))
+    def _is_lumped(self, block: _Block) -> bool:
+        """Whether nodes of a block share no mass: those that belong to it alone, or all where none do."""
+        inside = self._surrounded(block)
+        own = self.dof[inside if (self.dof[inside] >= 0).any() else np.unique(block.rows)]
         own = own[own >= 0]
         entries = abs(self._model.mass[own])
         return bool(entries.sum() <= (1.0 + SAME_MASS) * entries[np.arange(len(own)), own].sum())

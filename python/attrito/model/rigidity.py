@@ -1,7 +1,8 @@
 """Does a stiffness resist a rigid rotation, as no structure at rest does?
 
 For rigid motions r, K r = 0 in every row whose node is not coupled to held dofs, which the matrices lack. Such rows
-are known by the translations, K t = 0; over them the rotations tell
+are known by the translations, K t = 0, and by the mesh, since rows beside a face that slides along a plane may have
+K t = 0 by symmetry; over them the rotations tell
 
     rho = |K r| / | sum_j |K_ij| |r_j| |,   r_j = e x (x_j - x_i)  (e for a node's own rotation),
 
@@ -68,6 +69,7 @@ def rotation_resistance(model: Model) -> float | None:
     for e in np.eye(3):
         force, _ = resistance(np.where(moves, e[axis], 0.0))
         interior &= np.abs(force) <= TRANSLATION * entries
+    interior &= _lies_whole(model, rows, row, column)
     if not interior.any():
         return None
     worst = 0.0
@@ -78,3 +80,29 @@ def rotation_resistance(model: Model) -> float | None:
         if size > 0.0:
             worst = max(worst, float(np.linalg.norm(force[interior]) / size))
     return worst if worst > ROTATION else None
+
+
+def _lies_whole(model: Model, rows: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Rows whose node has no element in common with one that lacks a dof, and that no dependent one moves along with.
+
+    Parameters
+    ----------
+    rows : dofs that are looked at, `[r]`
+    row, column : of their entries, the number in `rows` and the dof, generalised coordinates left out
+    """
+    count, node = len(model.node_ids), model.rows_of(np.arange(model.size))
+    own, at = np.unique(node[rows], return_inverse=True)
+    dofs = np.bincount(node[model.translates], minlength=count)
+    order = np.argsort(model.node_ids)
+    cells = [order[np.searchsorted(model.node_ids, one, sorter=order)] for _, one in model.elements.values()]
+    width = np.concatenate([np.full(len(one), one.shape[1]) for one in cells] or [np.empty(0, int)])
+    members = np.concatenate([one.ravel() for one in cells] or [np.empty(0, int)])
+    ends = np.concatenate([[0], np.cumsum(width)])
+    lies_in = csr_matrix((np.ones(len(members)), members, ends), shape=(len(width), count))
+    beside = csr_matrix(lies_in[:, own].T @ lies_in)
+    whole = (beside @ (dofs < 3).astype(float))[at] == 0.0
+    if len(model.dependent):
+        pairs = beside.tocoo()
+        known = pairs.row.astype(np.int64) * count + pairs.col
+        whole[row[~np.isin(at[row].astype(np.int64) * count + node[column], known)]] = False
+    return np.asarray(whole)
