@@ -84,6 +84,18 @@ def test_the_mode_followed_is_the_first_elastic_one(tmp_path):
     assert first == pytest.approx(np.sqrt(eigh(STUCK, MASS, eigvals_only=True)[1]) / (2.0 * np.pi), rel=1e-4)
 
 
+@pytest.mark.parametrize("state", ["stuck", "frictionless"])
+def test_rigid_body_modes_have_no_damping_ratio(tmp_path, state):
+    """What floats without friction is damped as in the stuck joint, far more than a hundredth at 0.5 Hz."""
+    damping = {"ratio": 0.01}
+    done = attrito(tmp_path, "linear-modes", write_job(tmp_path, joint() | {"damping": damping}), "--state", state)
+    assert done.returncode == 0, done.stderr
+    rows = table(tmp_path, result=f"result.{state}.modes.h5")
+    kinds = ["rigid"] * (1 if state == "stuck" else 2)
+    assert [row["kind"] for row in rows] == kinds + ["elastic"] * (3 - len(kinds))
+    assert [float(row["damping_ratio"]) == 0.0 for row in rows] == [row["kind"] == "rigid" for row in rows]
+
+
 def test_a_suspension_is_refused_with_a_wheel(tmp_path):
     job = joint()
     job["cyclic"] = {"sectors": 5, "engine_order": 1, "lower": [[0]], "upper": [[1]]}

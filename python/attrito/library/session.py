@@ -297,7 +297,9 @@ class Solver:
         shapes = np.zeros((count, len(self._scene.mass)))
         arrays = pointer(natural), pointer(ratio), pointer(shapes)
         self._call("attrito_linear_modes", REFERENCES.index(reference), count, *arrays, ctypes.byref(rigid))
-        return LinearModes(natural, ratio, shapes, max(rigid.value, self._suspended(natural)))
+        first = max(rigid.value, self._suspended(natural))
+        ratio[:first] = 0.0
+        return LinearModes(natural, ratio, shapes, first)
 
     def diameter_modes(self, reference: str, diameter: int, count: int) -> LinearModes:
         """Those of a sector at a nodal diameter, `linear_modes` being of a structure by itself.

@@ -273,7 +273,10 @@ class _Run:
         """What the numerics did not deliver."""
         found = list(self.place.incomplete)
         if failed := self.place.outcomes.get("not_converged", 0):
-            found.append(f"{failed} point(s) did not converge; they are in the file with outcome not_converged")
+            sweep = self._job["sweep"]
+            highest_hz = max(sweep["frequencies_hz"] or (sweep["start_hz"], sweep["stop_hz"]))
+            stiff = cautions.of_stiff_contacts(self._reduced, highest_hz)
+            found.append(f"{failed} point(s) did not converge{stiff}; they are in the file with outcome not_converged")
         if missing := self.place.outcomes.get("no_period_one_orbit", 0):
             found.append(
                 f"{missing} point(s) without an orbit of the excitation's period: friction alone does not hold the body"
