@@ -8,8 +8,12 @@ import matrix_writers as write
 import numpy as np
 import pytest
 from scipy import sparse
+from scipy.sparse.linalg import spsolve
 
 from attrito.importers import import_model
+from attrito.importers.deck_mesh import read_deck_mesh
+from attrito.model.model_file import read_model
+from attrito.scene.deck_loads import deck_force
 from attrito.support.errors import InputError
 
 
@@ -113,6 +117,57 @@ def test_a_support_along_axes_of_transform_is_said_to_be_an_equation(tmp_path):
     # One displacement of node 2 depends on the other.
     assert model.size == 23
     assert any("*BOUNDARY at nodes of *TRANSFORM, line 18" in note and "depend on others" in note for note in notes)
+
+
+@pytest.mark.parametrize(
+    "axes",
+    [
+        "*TRANSFORM,NSET=TOP,TYPE=R\n0.8,0.6,0.1,-0.6,0.8,0.3\n",
+        "*TRANSFORM,NSET=TOP,TYPE=C\n0.3,0.2,0.1,0.4,-0.1,2.5\n",
+        "*TRANSFORM,NSET=TOP,TYPE=C\n0.3,0.2,0.1,0.4,-0.1,2.5\n*TRANSFORM,NSET=END\n0,1,0,0,0,1\n",
+        "*TRANSFORM,NSET=END,TYPE=R\n1,1,0,0,0,-2\n",
+    ],
+)
+def test_forces_at_nodes_of_transform_go_as_calculix_has_them(tmp_path, axes):
+    deck = f"{BODY}*NSET,NSET=TOP\n5,6,7,8\n*NSET,NSET=END\n7\n{axes}*BOUNDARY\n1,1,3\n2,1,3\n3,1,3\n4,1,3\n"
+    force = "*CLOAD\nTOP,1,3.0\n7,2,-5.0\n6,3,2.0\n"
+    model, notes = imported(tmp_path / "job", deck + STEP)
+    assert any("go along these (*TRANSFORM, line" in note for note in notes)
+    (tmp_path / "load.inp").write_text(force)
+    load, said = deck_force(tmp_path / "load.inp", read_model(tmp_path / "job" / "model.h5"))
+    along = model.load_axes.get(6, np.eye(3))
+    assert set(model.load_axes) == ({5, 6, 7, 8} if "=TOP" in axes else {7})
+    assert np.allclose(along @ along.T, np.eye(3), atol=1e-14)
+    (tmp_path / "job" / "st.inp").write_text(
+        f"{deck}*STEP\n*STATIC\n{force}*NODE PRINT,NSET=TOP,GLOBAL=YES\nU\n*END STEP\n"
+    )
+    subprocess.run(["ccx", "-i", "st"], cwd=tmp_path / "job", check=True, capture_output=True)
+    rows = [line.split() for line in (tmp_path / "job" / "st.dat").read_text().splitlines()]
+    printed = {int(row[0]): [float(word) for word in row[1:]] for row in rows if row and row[0].isdigit()}
+    expected = [printed[node][d - 1] for node, d in zip(model.dof_node, model.dof_direction, strict=True)]
+    found = spsolve(model.stiffness.tocsc(), load)
+    assert found == pytest.approx(np.array(expected), abs=1e-6 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("axes", ["TYPE=R\n1,0,0,2,0,0", "TYPE=C\n1,1,0,1,1,0", "TYPE=S\n0,0,0,0,0,2", "TYPE=C\n0,0,0"])
+def test_transform_without_axes_is_refused(tmp_path, axes):
+    (tmp_path / "mesh.inp").write_text(f"{BODY}*TRANSFORM,NSET=ALL,{axes}\n")
+    with pytest.raises(InputError, match=r"\*TRANSFORM"):
+        read_deck_mesh(tmp_path / "mesh.inp")
+
+
+def test_a_force_on_the_axis_of_transform_is_refused(tmp_path):
+    """Node 5 has no direction away from it; other nodes have."""
+    imported(tmp_path / "job", f"{BODY}*TRANSFORM,NSET=ALL,TYPE=C\n0,0,0,0,0,2\n{STEP}")
+    model = read_model(tmp_path / "job" / "model.h5")
+    for node in (5, 6):
+        (tmp_path / "load.inp").write_text(f"*CLOAD\n{node},1,3.0\n")
+        if node == 6:
+            force, _ = deck_force(tmp_path / "load.inp", model)
+            assert force.sum() == pytest.approx(3.0, rel=1e-15)
+            continue
+        with pytest.raises(InputError, match="node 5.*off the axis"):
+            deck_force(tmp_path / "load.inp", model)
 
 
 def test_transform_beside_matrices_of_another_program_is_refused(tmp_path):

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from attrito.importers.deck import Block, read_blocks
+from attrito.importers.deck_axes import axes_of_nodes
 from attrito.importers.deck_elastic import ElementSets, densities, elastic_constants
 from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type, fields, integers, set_members
 from attrito.importers.deck_remarks import remarks
@@ -112,6 +113,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
     if any(block.keyword == "BOUNDARY" for block in blocks):
         # A support along axes of its own is an equation between dofs along x, y, z.
         mesh.constraints += [f"*BOUNDARY at nodes of *TRANSFORM, line {block.line}" for block in transforms]
+    mesh.load_axes = axes_of_nodes(blocks, mesh.node_sets, node_ids, mesh.coordinates)
     mesh.held = _held(blocks, mesh.node_sets)
     mesh.angles = _named(blocks, "RIGID BODY", "ROT NODE")
     mesh.elongations = _named(blocks, "PRE-TENSION SECTION", "NODE")

@@ -48,9 +48,7 @@ def remarks(blocks: list[Block], read: set[str]) -> list[str]:
         said.append(f"supports that move ({named}) are held at zero: what their motion loads is in no matrix")
     turned = [f"*TRANSFORM, line {block.line}" for block in blocks if block.keyword == "TRANSFORM"]
     if turned:
-        said.append(
-            f"forces of a load's file are along x, y, z, also at nodes with axes of their own ({'; '.join(turned)})"
-        )
+        said.append(f"forces of a load's file at nodes with axes of their own go along these ({'; '.join(turned)})")
     return said
 
 

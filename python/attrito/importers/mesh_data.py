@@ -38,6 +38,7 @@ class Mesh:
     skipped : elements that were not read, in words
     remarks : what else of the file has no effect, in words
     axes : of nodes that move along axes of their own their directions 1, 2, 3 as rows `[3, 3]`, by id
+    load_axes : of nodes whose forces go along axes of their own, likewise
     """
 
     node_ids: np.ndarray
@@ -54,6 +55,7 @@ class Mesh:
     skipped: list[str] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
     axes: dict[int, np.ndarray] = field(default_factory=dict)
+    load_axes: dict[int, np.ndarray] = field(default_factory=dict)
 
 
 def new_mesh(path: str, ids: np.ndarray, coordinates: np.ndarray) -> Mesh:

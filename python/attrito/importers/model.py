@@ -164,7 +164,7 @@ def _model(
     if nodes is not None:
         model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
         model.elements, model.node_sets = nodes.elements, nodes.node_sets
-        model.elastic, model.density = nodes.elastic, nodes.density
+        model.elastic, model.density, model.load_axes = nodes.elastic, nodes.density, nodes.load_axes
         model.dependent = _dependent(parts, nodes)
         files += map(str, nodes.files)
     check_spared("import", "output", [output], files)

@@ -30,6 +30,7 @@ class Model:
         not known; no type: not known of any of its elements
     density : for each type of elements that of each `[E]`, user mass/length^3, NaN where not known; or no type
     node_sets : for each name its node ids, ascending
+    load_axes : for nodes with axes of their own, which a deck's forces go along, directions 1, 2, 3 as rows `[3, 3]`
     dependent : `[k, 2]`, nodes and directions of displacements that depend on others, as the mesh file says
     size : number of dofs n; taken from the stiffness matrix when there is one
     stiffness_holds : what the stiffness holds besides that of the structure at rest: names of `HOLDINGS`
@@ -47,6 +48,7 @@ class Model:
     elastic: dict[str, np.ndarray] = field(default_factory=dict)
     density: dict[str, np.ndarray] = field(default_factory=dict)
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
+    load_axes: dict[int, np.ndarray] = field(default_factory=dict)
     dependent: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.int64))
     size: int = 0
     stiffness_holds: tuple[str, ...] = ()

@@ -84,6 +84,10 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
         if len(model.dependent):
             words = "node and direction of displacements that depend on others, which no row of the matrices has"
             put("nodes/dependent", model.dependent, np.int64, words)
+        if model.load_axes:
+            put("nodes/load_axes/node", list(model.load_axes), np.int64, "nodes whose forces have axes of their own")
+            axes = np.array(list(model.load_axes.values()))
+            put("nodes/load_axes/directions", axes, np.float64, "directions 1, 2, 3 of each, as rows")
         put("nodes/coordinates", model.coordinates, np.float64, "node coordinates x, y, z", "user length")
     for kind, (ids, connectivity) in model.elements.items():
         put(f"elements/{kind}/id", ids, np.int64, f"ids of the {kind} elements")
@@ -195,6 +199,12 @@ class _Reader:
             model.dependent = self.array("nodes/dependent", 2)
             self.expect(model.dependent.shape[1] == 2, "nodes/dependent", model.dependent.shape, "two columns")
             self.known(model.dependent[:, :1], "nodes/dependent", model.node_ids)
+        if "load_axes" in self.file["nodes"]:
+            ids, axes = self.array("nodes/load_axes/node", 1), self.array("nodes/load_axes/directions", 3, unknown=True)
+            shape, expected = axes.shape, (len(ids), 3, 3)
+            self.expect(shape == expected, "nodes/load_axes/directions", f"shape {shape}", f"shape {expected}")
+            self.known(ids, "nodes/load_axes/node", model.node_ids)
+            model.load_axes = dict(zip(ids.tolist(), axes, strict=False))
         if model.names_dofs and len(model.dof_node) == len(model.dof_direction):
             self.known(model.dof_node[model.dof_direction > 0], "dofs/node", model.node_ids)
 

@@ -4,8 +4,9 @@
     812, 3, -2.5                  4711, P2, 0.35
     tip, 1, 1.0                   blades, P1, 0.1
 
-Nodes by id or node set, of the model or of the deck; elements by id or by an `*ELSET` of the deck. Lines add up.
-Forces at held dofs and on held nodes go into the support. Amplitudes, steps and frames are not read.
+Nodes by id or node set, of the model or of the deck; elements by id or by an `*ELSET` of the deck. Lines add up. At a
+node of `*TRANSFORM` forces go along the axes that the mesh's deck gives it. Forces at held dofs and on held nodes go
+into the support. Amplitudes, steps and frames are not read.
 """
 
 from __future__ import annotations
@@ -118,8 +119,14 @@ class _Reader:
         unknown = np.setdiff1d(nodes, self.model.node_ids)
         if len(unknown):
             raise InputError(block.fault(f"node {unknown[0]}", "a node of the model"))
-        np.add.at(self.forces, (self.row_of(nodes), int(direction) - 1), value)
-        self.given[int(direction) - 1] += value * len(nodes)
+        along = np.tile(np.eye(3)[int(direction) - 1], (len(nodes), 1))
+        for i, node in enumerate(nodes.tolist()):
+            if node in self.model.load_axes:
+                along[i] = self.model.load_axes[node][int(direction) - 1]
+            if not np.all(np.isfinite(along[i])):
+                raise InputError(block.fault(f"node {node}", "a node off the axis of its *TRANSFORM"))
+        np.add.at(self.forces, self.row_of(nodes), value * along)
+        self.given += value * along.sum(axis=0)
 
     def _pressure(self, block: Block, line: str) -> None:
         where, label, value = self._fields(block, line, "element or element set, P1 to P6, pressure")
