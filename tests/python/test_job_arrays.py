@@ -234,13 +234,18 @@ def test_a_link_in_the_place_of_an_unfinished_file_is_refused_and_not_followed(t
     assert (theirs / "file" if theirs.is_dir() else theirs).read_bytes() in (MAGIC, b"theirs")
 
 
-def test_a_file_that_is_no_journal_is_not_set_aside(tmp_path, capfd):
+@pytest.mark.parametrize("theirs", ["theirs", ""])
+def test_a_file_that_is_no_journal_is_not_set_aside(tmp_path, capfd, theirs):
+    """An empty one is what a run that was killed at once has left, but attrito sets none aside."""
     write_job(tmp_path, wedge())
     (tmp_path / "result.h5.partial").write_text("theirs")
     done = attrito_here(tmp_path, capfd, "run", "job.toml")
     assert done.returncode == 2 and "result.h5.partial: file = 'not a journal'" in done.stderr
     (tmp_path / "result.h5.partial").unlink()
-    (tmp_path / "result.h5.partial.old").write_text("theirs")
+    (tmp_path / "result.h5.partial.old").write_text(theirs)
+    (tmp_path / "result.h5.partial").write_text("")
+    assert attrito_here(tmp_path, capfd, "run", "job.toml").returncode == (0 if theirs == "" else 2)
+    (tmp_path / "result.h5.partial").unlink(missing_ok=True)
     assert attrito_here(tmp_path, capfd, "run", "job.toml").returncode == 0
-    assert (tmp_path / "result.h5.partial.old").read_text() == "theirs"
+    assert (tmp_path / "result.h5.partial.old").read_text() == theirs
     assert len(table(tmp_path)) == 1

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import os
+import re
 from pathlib import Path
 
 import matrix_writers as write
@@ -420,3 +421,40 @@ def test_what_unpacks_to_more_than_the_memory_is_refused_before_it_is(tmp_path, 
     monkeypatch.setattr(unpacked, "most_bytes", lambda: 100_000)
     with pytest.raises(InputError, match="bytes when it is unpacked.*expected at most 100000, half of the memory"):
         read_matrix(path, "stiffness")
+
+
+LONG = ["9223372036854775807", "9223372036854775808", "18446744073709551619", "9" * 40, "1" + "0" * 18]
+
+
+@pytest.mark.parametrize("long", LONG)
+@pytest.mark.parametrize(
+    ("line", "place"),
+    [
+        ("4, 0, 0, 1", "*NODE"),
+        ("1, 1, 2, 3, 4", "*ELEMENT"),
+        ("*NSET, NSET=a\n1", "*NSET"),
+        ("*NSET, NSET=a, GENERATE\n1", "*NSET"),
+        ("*RIGID BODY, NSET=all, ROT NODE=1", "*RIGID BODY"),
+    ],
+)
+def test_ids_of_more_digits_than_numbers_hold_are_refused(tmp_path, long, line, place):
+    text = "*NODE, NSET=all\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n"
+    if line in text:
+        text = text.replace(line, f"{long}{line[1:]}")
+    else:
+        text += f"{line[:-1]}{long}{', 1, 1' if 'GENERATE' in line else ''}\n"
+    (tmp_path / "m.inp").write_text(text)
+    with pytest.raises(InputError, match=rf"{re.escape(place)} = '{long}': expected .* of at most 18 digits"):
+        read_mesh(tmp_path / "m.inp")
+
+
+@pytest.mark.parametrize("long", [*LONG, "7", "11"])
+def test_directions_beyond_six_hold_nothing(tmp_path, long):
+    """Their list had taken all memory."""
+    (tmp_path / "m.inp").write_text(
+        "*NODE, NSET=all\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n"
+        f"*BOUNDARY\n1, 3, {long}\n2, {long}, {long}\n{long[:19]}9, 1, 1\n"
+    )
+    held = read_mesh(tmp_path / "m.inp").held
+    assert [row for row in held.tolist() if row[0] == 1] == [[1, 3], [1, 4], [1, 5], [1, 6]]
+    assert not [row for row in held.tolist() if row[0] == 2]

@@ -74,7 +74,7 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
         words = [word.strip() for word in block.line(line).upper().split(",")]
         if words[0] == "NBLOCK":
             ids, points, turned = _nodes(block, line)
-            _check_count(block, line, words, len(ids), "nodes")
+            _check_count(block, line, words[4:], len(ids), "nodes")
             axes |= turned
             if mesh is not None:
                 ids, points = np.append(mesh.node_ids, ids), np.concatenate([mesh.coordinates, points])
@@ -83,7 +83,7 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
             types |= _types(block, line, words)
         elif words[0] == "EBLOCK" and len(words) > 2 and words[2] == "SOLID":
             found = _elements(block, line)
-            _check_count(block, line, words, len(found), "elements")
+            _check_count(block, line, words[4:], len(found), "elements")
             elements += [(number, types.get(kind), nodes) for number, kind, nodes in found]
         elif words[0] == "EBLOCK" and "COMPACT" in words:
             raise block.fault(line, "elements in blocks of the SOLID key, as CDWRITE makes them (not COMPACT)")
@@ -104,9 +104,10 @@ def read_ansys_mesh(path: str | Path) -> Mesh:
 
 
 def _check_count(block: Block, line: int, words: list[str], count: int, what: str) -> None:
-    """Raise where a block ends before, or behind, the number that it declares in its fifth word."""
-    if len(words) > 4 and words[4].isdecimal() and int(words[4]) != count:
-        raise block.fault(line, f"{words[4]} {what}, as it declares, not {count}: the file is cut off or damaged")
+    """Raise where a block ends before, or behind, the number that it declares in the first of some words."""
+    declared = words[0].split("!")[0].strip() if words else ""
+    if declared.isdecimal() and declared.lstrip("0") not in ("", str(count)):
+        raise block.fault(line, f"{declared} {what}, as it declares, not {count}: the file is cut off or damaged")
 
 
 def _types(block: Block, line: int, words: list[str]) -> dict[int, int]:
@@ -221,6 +222,7 @@ def _component(block: Block, line: int, known: np.ndarray) -> np.ndarray:
     form, lines = _section(block, line, "a component")
     table = block.columns(lines, form.integers, "whole numbers")
     numbers = table[~np.isnan(table)].astype(np.int64)
+    _check_count(block, line, block.line(line).split(",")[3:], len(numbers), "numbers")
     if len(numbers) == 0 or numbers[0] < 0:
         raise block.fault(line, "a component with nodes")
     parts = [np.abs(numbers)]

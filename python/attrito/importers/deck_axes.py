@@ -11,6 +11,7 @@ import numpy as np
 
 from attrito.importers.deck import Block
 from attrito.importers.deck_ids import fields
+from attrito.importers.mesh_data import is_id
 from attrito.support.errors import InputError
 
 # Length of a cross product, relative to its factors, below which there is no such direction
@@ -28,7 +29,7 @@ def axes_of_nodes(
         if block.keyword != "TRANSFORM":
             continue
         name = block.parameters.get("NSET", "")
-        nodes = sets.get(name.upper(), np.array([int(name)] if name.isdecimal() else [], np.int64))
+        nodes = sets.get(name.upper(), np.array([int(name)] if is_id(name) else [], np.int64))
         nodes = nodes[np.isin(nodes, node_ids)]
         places = coordinates[order[np.searchsorted(node_ids, nodes, sorter=order)]]
         found |= dict(zip(nodes.tolist(), _axes(block, places), strict=True))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from attrito.importers.deck import Block
-from attrito.importers.mesh_data import LONGEST_RANGE
+from attrito.importers.mesh_data import DIGITS, LONGEST_RANGE, is_id
 from attrito.model.surfaces import element_family
 from attrito.support.errors import InputError
 
@@ -57,7 +57,10 @@ def integers(words: list[str], block: Block, what: str) -> np.ndarray:
     grouped = next((word for word in words if "_" in word), None)
     if grouped is not None:
         raise InputError(block.fault(grouped, what))
+    long = next((word for word in words if word.lstrip("+-").isdecimal() and not is_id(word.lstrip("+-"))), None)
+    if long is not None:
+        raise InputError(block.fault(long, f"{what} of at most {DIGITS} digits"))
     try:
         return np.array(words, dtype=np.int64)
-    except (ValueError, OverflowError) as error:
+    except ValueError as error:
         raise InputError(block.fault(str(error), what)) from error

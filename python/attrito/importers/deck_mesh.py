@@ -18,7 +18,7 @@ from attrito.importers.deck_axes import axes_of_nodes
 from attrito.importers.deck_elastic import ElementSets, densities, elastic_constants
 from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type, fields, integers, set_members
 from attrito.importers.deck_remarks import remarks
-from attrito.importers.mesh_data import Mesh, check_coordinates
+from attrito.importers.mesh_data import Mesh, check_coordinates, is_id
 from attrito.model.surfaces import element_family
 from attrito.support.errors import Fault, InputError
 
@@ -162,8 +162,9 @@ def _held(blocks: list[Block], node_sets: dict[str, np.ndarray]) -> np.ndarray:
     for block in blocks:
         for words in map(fields, block.data if block.keyword == "BOUNDARY" else ()):
             given = [int(word) for word in words[1:3] if word.isdecimal()]
-            directions = range(given[0], given[-1] + 1) if given else _SUPPORTS.get(words[-1].upper(), ())
-            nodes = sets.get(words[0].upper(), [int(words[0])] if words[0].isdecimal() else [])
+            # Beyond 6 are temperatures and the like.
+            directions = range(given[0], min(given[-1], 6) + 1) if given else _SUPPORTS.get(words[-1].upper(), ())
+            nodes = sets.get(words[0].upper(), [int(words[0])] if is_id(words[0]) else [])
             held += [np.column_stack([nodes, np.full(len(nodes), k)]) for k in directions]
     return np.unique(np.concatenate(held), axis=0)
 

@@ -12,12 +12,12 @@ from attrito.support.errors import Fault, InputError
 # Ids from a first to a last: more are a typing error, and more than there is memory for.
 LONGEST_RANGE = 10_000_000
 # Eight times an id, and a direction, are a number of 64 bits.
-_DIGITS = 18
+DIGITS = 18
 
 
 def is_id(word: str) -> bool:
     """Whether a word is a number that can be an id."""
-    return word.isdecimal() and len(word.lstrip("0")) <= _DIGITS
+    return word.isdecimal() and len(word.lstrip("0")) <= DIGITS
 
 
 @dataclass

@@ -14,6 +14,7 @@ from attrito.importers.dof_file import names_cards, read_dof_file
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.fe_jobs import abaqus_matrices, nastran_matrices
 from attrito.importers.first_look import first_look
+from attrito.importers.lost_lines import lost_lines
 from attrito.importers.matrices import Matrices, assemble
 from attrito.importers.matrix import open_matrix, split_name
 from attrito.importers.mesh import Mesh, read_mesh
@@ -167,12 +168,17 @@ def _model(
         model.elastic, model.density, model.load_axes = nodes.elastic, nodes.density, nodes.load_axes
         model.dependent = _dependent(parts, nodes)
         files += map(str, nodes.files)
+    faults, doubts = ([], []) if holds else lost_lines(model, where, label)
+    if faults:
+        raise InputError(*faults)
     check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, list(dict.fromkeys(files)))
     said = [resisted_rotation(model), None if nodes is None else other_mass(model, nodes.held, bool(nodes.skipped))]
     warnings = [f"warning: {what}" for what in said if what is not None]
-    return model, _notes(model) + first_look(model) + turned + held + parts.notes + _mesh_notes(nodes) + warnings
+    return model, _notes(model) + first_look(model) + turned + held + doubts + parts.notes + _mesh_notes(
+        nodes
+    ) + warnings
 
 
 def _dependent(parts: Matrices, mesh: Mesh) -> np.ndarray:

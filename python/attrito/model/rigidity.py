@@ -69,7 +69,7 @@ def rotation_resistance(model: Model) -> float | None:
     for e in np.eye(3):
         force, _ = resistance(np.where(moves, e[axis], 0.0))
         interior &= np.abs(force) <= TRANSLATION * entries
-    interior &= _lies_whole(model, rows, row, column)
+    interior &= lies_whole(model, rows, row, column)[0]
     if not interior.any():
         return None
     worst = 0.0
@@ -82,15 +82,21 @@ def rotation_resistance(model: Model) -> float | None:
     return worst if worst > ROTATION else None
 
 
-def _lies_whole(model: Model, rows: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+def lies_whole(model: Model, rows: np.ndarray, row: np.ndarray, column: np.ndarray) -> tuple[np.ndarray, csr_matrix]:
     """Rows whose node has no element in common with one that lacks a dof, and that no dependent one moves along with.
 
     Parameters
     ----------
     rows : dofs that are looked at, `[r]`
     row, column : of their entries, the number in `rows` and the dof, generalised coordinates left out
+
+    Returns
+    -------
+    these rows, `[r]` bool, and which have elements in common, `[r, r]`
     """
-    count, node = len(model.node_ids), model.rows_of(np.arange(model.size))
+    count, node = len(model.node_ids), np.zeros(model.size, dtype=int)
+    placed = np.flatnonzero(np.asarray(model.dof_direction) > 0)
+    node[placed] = model.rows_of(placed)
     own, at = np.unique(node[rows], return_inverse=True)
     dofs = np.bincount(node[model.translates], minlength=count)
     order = np.argsort(model.node_ids)
@@ -105,4 +111,4 @@ def _lies_whole(model: Model, rows: np.ndarray, row: np.ndarray, column: np.ndar
         pairs = beside.tocoo()
         known = pairs.row.astype(np.int64) * count + pairs.col
         whole[row[~np.isin(at[row].astype(np.int64) * count + node[column], known)]] = False
-    return np.asarray(whole)
+    return np.asarray(whole), csr_matrix(beside[at][:, node[rows]])

@@ -119,10 +119,15 @@ class Journal:
 
 
 def set_aside(path: str, owner: str) -> None:
-    """Keep a journal under another name, `<path>.old`, unless another process writes it."""
+    """Keep a journal under another name, `<path>.old`, unless another process writes it or it holds nothing."""
     old = f"{path}.old"
     for name in (path, old):
         check_own(name, owner)
+    if not _holds_something(path):
+        return
+    # What was set aside before held something: a file that is empty is not attrito's.
+    if os.path.lexists(old) and not _holds_something(old):
+        raise InputError(Fault(old, "file", "not a journal", "nothing that attrito has not written under this name"))
     with open(path, "r+b", opener=_open_or_make) as file:
         _lock(file, path)
         os.replace(path, old)
@@ -186,8 +191,13 @@ def is_journal(path: str | os.PathLike[str]) -> bool:
 def remove_journals(path: str, owner: str) -> None:
     """Remove a journal and what was set aside for it; what is somebody else's stays."""
     for name in (path, f"{path}.old"):
-        if _is_plain_journal(name) and owner_of(name) in ("", owner):
+        if _is_plain_journal(name) and owner_of(name) in ("", owner) and (name == path or _holds_something(name)):
             os.unlink(name)
+
+
+def _holds_something(path: str) -> bool:
+    """Whether a journal has more than its first line, or a part of it."""
+    return os.path.getsize(path) > len(MAGIC)
 
 
 def _is_plain_journal(path: str) -> bool:

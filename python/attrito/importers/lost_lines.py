@@ -1,0 +1,123 @@
+"""Lines lost of a matrix file, beside its diagonal, that break what elements keep.
+
+Elements resist no rigid translation, and their mass is the same along x, y and z:
+
+    sum_j k_ij = 0 over the displacements j along any direction,    m_ax,bx = m_ay,by = m_az,bz.
+
+Without a line k_ij the sums of the rows i and j, over the directions of j and of i, are both -k_ij. Springs to the
+ground leave other sums, and there is an entry k_ij. Rows next to supports have sums of their own, and are left out. Of
+a mass that has entries along two directions between two nodes, and the same, but none along the third, a line is lost.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from scipy.sparse import csr_matrix
+
+from attrito.importers.entries import row_blocks
+from attrito.model.model import Model
+from attrito.model.rigidity import lies_whole
+from attrito.support.errors import Fault
+
+# Part of the entries of a row that nine digits of a file leave of a sum, and how far beyond what half of the rows leave
+DIGITS, BEYOND = 1e-7, 100.0
+# Rows that are looked at: where more have sums, something else makes them
+MOST_ROWS = 2000
+
+
+def lost_lines(model: Model, where: dict[str, str], label: Callable[[int], str]) -> tuple[list[Fault], list[str]]:
+    """Entries that files of a model's stiffness and mass must have lost, and a note on rows that may have.
+
+    Parameters
+    ----------
+    model : with dofs by node and direction; the stiffness is looked at if there is a mesh, too
+    where : the files, by `stiffness` and `mass`
+    label : name of a dof for the user
+    """
+    if not model.names_dofs or model.stiffness_holds:
+        return [], []
+    of_stiffness, held = _of_stiffness(model)
+    pairs = {"stiffness": of_stiffness, "mass": _of_mass(model)}
+    faults = [
+        Fault(
+            where[name],
+            name,
+            f"no entry of {label(lost[0][0])} and {label(lost[0][1])}" + (f", {len(lost)} such" if lost[1:] else ""),
+            "the entry that others of both rows ask for: lines of the file are lost",
+        )
+        for name, lost in pairs.items()
+        if lost
+    ]
+    note = (
+        f"rows of the stiffness, away from supports, that resist a rigid translation: {len(held)}, the first that of"
+        f" {label(held[0])}; springs to the ground do, and if there are none, lines of the file are lost"
+        if len(held)
+        else ""
+    )
+    return faults, [note] if note else []
+
+
+def _of_stiffness(model: Model) -> tuple[list[tuple[int, int]], list[int]]:
+    """Pairs of dofs whose entry is lost, and rows away from supports with sums."""
+    stiffness = model.stiffness
+    assert stiffness is not None
+    if not model.has_mesh or not model.elements:
+        return [], []
+    direction = np.where(model.translates, np.asarray(model.dof_direction, dtype=int), 0)
+    sums = np.column_stack([stiffness @ (direction == d).astype(float) for d in (1, 2, 3)])
+    size = np.zeros(model.size)
+    for begin, end in row_blocks(stiffness):
+        size[begin:end] = np.asarray(abs(stiffness[begin:end]).sum(axis=1)).ravel()
+    left = np.abs(sums).max(axis=1) / np.where(size > 0.0, size, 1.0)
+    digits = _digits(left[direction > 0])
+    rows = np.flatnonzero((left > digits) & (direction > 0))
+    if not 0 < len(rows) <= MOST_ROWS:
+        return [], []
+    part = csr_matrix(stiffness[rows])
+    row = np.repeat(np.arange(len(rows)), np.diff(part.indptr))
+    placed = np.asarray(model.dof_direction)[part.indices] > 0
+    whole, beside = lies_whole(model, rows, row[placed], part.indices[placed])
+    rows, beside = rows[whole], beside[whole][:, whole]
+    one, other = beside.nonzero()
+    one, other = one[one < other], other[one < other]
+    i, j = rows[one], rows[other]
+    mine, its = sums[i, direction[j] - 1], sums[j, direction[i] - 1]
+    scale = digits * np.maximum(size[i], size[j])
+    absent = np.asarray(stiffness[i, j]).ravel() == 0.0 if len(i) else np.zeros(0, bool)
+    lost = absent & (np.abs(mine) > scale) & (np.abs(mine - its) <= scale)
+    return list(zip(i[lost].tolist(), j[lost].tolist(), strict=True)), rows.tolist()
+
+
+def _digits(left: np.ndarray) -> float:
+    """Part of a row's entries that may be rounding of the file, by what rows leave of their sums."""
+    return max(DIGITS, BEYOND * float(np.median(left))) if len(left) else DIGITS
+
+
+def _of_mass(model: Model) -> list[tuple[int, int]]:
+    """Pairs of dofs whose entry is lost."""
+    mass = model.mass
+    assert mass is not None
+    order = [np.flatnonzero(np.asarray(model.dof_direction) == d) for d in (1, 2, 3)]
+    nodes = np.intersect1d(np.intersect1d(*(model.dof_node[own] for own in order[:2])), model.dof_node[order[2]])
+    dofs = [own[np.isin(model.dof_node[own], nodes)] for own in order]
+    dofs = [own[np.argsort(model.dof_node[own])] for own in dofs]
+    probe = np.random.default_rng(0).uniform(1.0, 2.0, len(nodes))
+    along = []
+    for own in dofs:
+        motion = np.zeros(model.size)
+        motion[own] = probe
+        along.append((mass @ motion)[own])
+    left = np.ptp(along, axis=0) / np.maximum(np.max(np.abs(along), axis=0), np.finfo(float).tiny)
+    digits = _digits(left)
+    rows = np.flatnonzero(left > digits)
+    if not 1 < len(rows) <= MOST_ROWS:
+        return []
+    parts = np.array([mass[own[rows]][:, own[rows]].toarray() for own in dofs])
+    found = []
+    for k, own in enumerate(dofs):
+        a, b = (parts[m] for m in range(3) if m != k)
+        lost = (parts[k] == 0.0) & (a != 0.0) & (np.abs(a - b) <= digits * np.abs(a))
+        found += [(int(own[rows[i]]), int(own[rows[j]])) for i, j in np.argwhere(lost) if i < j]
+    return found

@@ -1,0 +1,92 @@
+"""Lines lost of a matrix file, beside its diagonal, are refused or named where mesh and matrices show it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matrix_writers as write
+import numpy as np
+import pytest
+from bricks import brick
+from scipy.sparse import diags
+
+from attrito.importers import import_model
+from attrito.model.model import Model
+from attrito.support.errors import InputError
+
+FORMATS = ["abaqus", "large", "small", "free"]
+
+
+def body() -> Model:
+    """Five layers of bricks held at one end; bent, so that no entries between neighbours are zero by symmetry."""
+
+    def bent(points: np.ndarray) -> np.ndarray:
+        x, y, z = points.T
+        return np.stack([x + 0.2 * y * z / 0.03, y + 0.1 * x, z * (1.0 + 2.0 * x) + 0.1 * y], axis=1)
+
+    return brick(held=lambda points: points[:, 0] < 1e-9, shape=bent, layers=5)
+
+
+def imported(folder: Path, model: Model, form: str) -> list[str]:
+    """Notes of the import."""
+    write.write_deck(folder / "m.inp", model.node_ids, model.coordinates, model.elements, model.node_sets)
+    names = np.asarray(model.dof_node), np.asarray(model.dof_direction)
+    matrices = {"KAAX": model.stiffness, "MAAX": model.mass}
+    if form == "abaqus":
+        for name, matrix in zip(("STIF1", "MASS1"), matrices.values(), strict=True):
+            write.write_abaqus(folder / f"j_{name}.mtx", matrix, *names)
+        return import_model(folder / "o.h5", abaqus_job=folder / "j", mesh=folder / "m.inp")[1]
+    write.write_dmig(folder / "j.pch", matrices, *names, fields=form)
+    return import_model(folder / "o.h5", nastran_file=folder / "j.pch", mesh=folder / "m.inp")[1]
+
+
+def without(model: Model, name: str, chosen: list[int], beyond: float) -> None:
+    """Take out entries off the diagonal, by numbers among those of dofs at nodes further along x than a place."""
+    x = dict(zip(model.node_ids, model.coordinates[:, 0], strict=True))
+    matrix = getattr(model, name).tolil()
+    far = np.array([x[node] > beyond for node in model.dof_node])
+    row, column = (abs(getattr(model, name)) > 1e-3 * abs(getattr(model, name)).max()).nonzero()
+    places = [(i, j) for i, j in zip(row, column, strict=True) if i < j and far[i] and far[j]]
+    for number in chosen:
+        i, j = places[number % len(places)]
+        matrix[i, j] = matrix[j, i] = 0.0
+    setattr(model, name, matrix.tocsr())
+
+
+@pytest.mark.parametrize("form", FORMATS)
+def test_whole_files_are_not_said_to_lack_lines(tmp_path, form):
+    assert not any("rigid translation" in note for note in imported(tmp_path, body(), form))
+
+
+@pytest.mark.parametrize("form", ["abaqus", "large", "free"])
+@pytest.mark.parametrize("name", ["stiffness", "mass"])
+@pytest.mark.parametrize("chosen", [[7], [300], [1001], [40, 500, 901], list(range(0, 2000, 97))])
+def test_a_lost_line_is_refused(tmp_path, form, name, chosen):
+    """Between nodes that share no element with a held one."""
+    model = body()
+    without(model, name, chosen, beyond=0.03)
+    with pytest.raises(InputError, match=f"{name} = 'no entry of dof .* the entry that others of both rows ask for"):
+        imported(tmp_path, model, form)
+
+
+def test_a_line_lost_between_a_node_at_a_support_and_another_is_noted(tmp_path):
+    model = body()
+    stiffness = model.stiffness.tolil()
+    at = {place: i for i, place in enumerate(zip(model.dof_node, model.dof_direction, strict=True))}
+    x = dict(zip(model.node_ids, model.coordinates[:, 0], strict=True))
+    near, far = (min(x, key=lambda node: abs(x[node] - place)) for place in (0.02, 0.04))
+    i, j = at[near, 1], at[far, 1]
+    assert stiffness[i, j] != 0.0
+    stiffness[i, j] = stiffness[j, i] = 0.0
+    model.stiffness = stiffness.tocsr()
+    (note,) = [note for note in imported(tmp_path, model, "abaqus") if "rigid translation" in note]
+    assert "resist a rigid translation: 1, the first" in note and f"node {far} x" in note
+
+
+def test_springs_to_the_ground_are_no_lost_lines(tmp_path):
+    model = body()
+    x = dict(zip(model.node_ids, model.coordinates[:, 0], strict=True))
+    far = np.array([x[node] > 0.09 for node in model.dof_node])
+    model.stiffness = model.stiffness + 0.01 * model.stiffness.max() * diags(far.astype(float)).tocsr()
+    (note,) = [note for note in imported(tmp_path, model, "abaqus") if "rigid translation" in note]
+    assert f"resist a rigid translation: {np.count_nonzero(far)}, the first" in note
