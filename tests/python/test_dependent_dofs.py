@@ -114,7 +114,7 @@ def test_supports_by_name_hold_what_they_do_by_numbers(tmp_path):
         ("*CONTACT PAIR, INTERACTION=i\nfoot, foot\n", "not read: *CONTACT PAIR, line {line}; what"),
         ("*MODEL CHANGE, TYPE=ELEMENT, REMOVE\nstrip\n", "not read: *MODEL CHANGE, line {line}; what"),
         ("*BOUNDARY\nfoot, 3, 3, 0.1\n", "supports that move (*BOUNDARY, line {line}) are held at zero"),
-        ("*TRANSFORM, NSET=tip\n0., 1., 0., -1., 0., 0.\n", "forces of a load's file are along x, y, z"),
+        ("*TRANSFORM, NSET=tip\n0., 1., 0., -1., 0., 0.\n", "go along these"),
         ("*DISTRIBUTING COUPLING, ELSET=strip\n1, 1.\n", "depend on others (*DISTRIBUTING COUPLING, line {line})"),
         ("*BOUNDARY\nfoot, 3, 3, 0.\n*AMPLITUDE, NAME=a\n0., 0.\n", None),
     ],

@@ -315,6 +315,7 @@ FOREIGN = {
     "k.odb": (b"HKSRD0 $ABAQUS\0", "Abaqus's database", "the deck", ".mtx"),
     "k.step": (b"ISO-10303-21;\n", "geometry in STEP", "mesh the geometry first", "a matrix file"),
     "k.stl": (b"solid part\n facet normal 0 0 1\n", "a surface in STL", "mesh the geometry first", "a matrix file"),
+    "k.cdb": (b"version https://git-lfs.github.com/spec/v1\n", "a pointer of Git LFS", "git lfs pull", "git lfs pull"),
     "k.inp": (b"\x1f\x8b\x08\0", "packed by gzip", "unpack it", "unpack it"),
     "k.full": (np.array([100, -(2**31), 4], "<i4").tobytes(), "binary file .full", "CDWRITE", "HBMAT"),
     "k.h5": (b"\x89HDF\r\n\x1a\n", "an HDF5 file", ".med or .exo", ".mat"),
@@ -395,16 +396,18 @@ def test_an_id_beyond_64_bits_is_a_fault_of_its_line(tmp_path, name, text, place
 
 
 @pytest.mark.parametrize("damage", ["\0" * 20 + "\n", "*GARBAGE\n", "\n"])
-@pytest.mark.parametrize("what", ["nodes", "elements"])
+@pytest.mark.parametrize("what", ["nodes", "elements", "numbers"])
 def test_a_block_of_ansys_that_ends_early_is_told(tmp_path, what, damage):
     """What followed a damaged line was left out without a word."""
     node = "{:9d}        0        0" + " 0.0000000000000E+000" * 3 + "\n"
     element = ("        1" * 8 + "        4        0{:9d}" + "        1        2        3        4") + "\n"
     rows = {"nodes": [node.format(k) for k in (1, 2, 3, 4)], "elements": [element.format(k) for k in (1, 2)]}
+    rows["numbers"] = ["         1\n", "         2\n"]
     rows[what].insert(1, damage)
     (tmp_path / "mesh.cdb").write_text(
         f"NBLOCK,6,SOLID,4,4\n(3i9,6e21.13e3)\n{''.join(rows['nodes'])}N,R5.3,LOC,-1,\nET,1,185\n"
         f"EBLOCK,19,SOLID,2,2\n(19i9)\n{''.join(rows['elements'])}       -1\n"
+        f"CMBLOCK,LOW,NODE,       2\n(1i10)\n{''.join(rows['numbers'])}"
     )
     with pytest.raises(InputError, match=f"{what}, as it declares, not 1: the file is cut off or damaged"):
         read_mesh(tmp_path / "mesh.cdb")

@@ -52,6 +52,10 @@ SAID_OTHERWISE = {
     "a set in a file": DECK.replace("NSET=foot\n1, 2, 3, 4", "NSET=foot, INPUT=foot.txt"),
     "a set of elements' nodes": DECK.replace("NSET=foot\n1, 2, 3, 4", "NSET=foot, ELSET=all"),
     "normals at nodes": DECK.replace(NODES, NODES.replace("\n", ", 0.0, 0.6, 0.8\n")),
+    "a keyword that ends in a comma": DECK.replace("NSET=foot", "NSET=foot,"),
+    "a keyword over lines": DECK.replace("*NSET, NSET=foot", "*NSET,\n** between\nNSET=foot,\nUNSORTED,"),
+    "an element over lines": DECK.replace(BRICK, BRICK.replace("4, 5", "4,\n5")),
+    "a node of pre-tension by its set": f"{DECK}*PRE-TENSION SECTION, SURFACE=s, NODE=FOOT\n",
     "a comma in a name": DECK.replace("NSET=foot", 'NSET="foot, left"'),
 }
 
@@ -83,6 +87,8 @@ NOT_READ = {
     "groups of digits in an id": DECK.replace("2, 2.0", "2_000, 2.0"),
     "groups of digits in a number": DECK.replace("2, 2.0", "2, 2_0"),
     "no number": DECK.replace("2, 2.0", "2, 2.x0"),
+    "a node too many": DECK.replace(BRICK, f"{BRICK}, 9"),
+    "a node of pre-tension that is none": f"{DECK}*PRE-TENSION SECTION, SURFACE=s, NODE=none\n",
     "a file that is missing": DECK.replace(f"*NODE\n{NODES}", "*NODE, INPUT=missing.txt"),
 }
 

@@ -12,6 +12,8 @@ from attrito.support.text_files import number, read_lines
 
 # Keywords whose data lines may be in a file of their own
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "CLOAD", "DLOAD")
+# What a number begins with
+_NUMBER = "0123456789+-."
 # A comma that is not in quotes
 _COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
 
@@ -86,21 +88,20 @@ def read_blocks(path: str | Path, including: tuple[Path, ...] = ()) -> Iterator[
 
 def _split(lines: list[str], path: Path) -> Iterator[Block]:
     block: Block | None = None
-    continued = ""
+    # A keyword line that ends in a comma goes on in the next; a number is data, as CalculiX has it.
+    begun = ""
     for line, text in enumerate(lines, start=1):
         text = text.strip()
         if not text or text.startswith("**"):
             continue
-        if text.startswith("*") or continued:
-            text = continued + text
-            # A keyword line that ends in a comma goes on in the next.
-            continued = text if text.endswith(",") else ""
-            if continued:
-                continue
+        if text.startswith("*"):
             if block is not None:
                 yield block
-            block = _keyword_line(text, path, line)
+            begun, block = text, _keyword_line(text, path, line)
+        elif block is not None and begun.endswith(",") and text[0] not in _NUMBER:
+            begun, block = begun + text, _keyword_line(begun + text, path, block.line)
         elif block is not None:
+            begun = ""
             _add_line(block, text, line)
     if block is not None:
         yield block

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 
 from attrito.importers.deck import Block
@@ -9,6 +11,7 @@ from attrito.importers.mesh_data import DIGITS, LONGEST_RANGE, is_id
 from attrito.model.surfaces import element_family
 from attrito.support.errors import InputError
 
+_WHOLE = re.compile(r"[+-]?\d+")
 # Types that are read, each as the one it is solved as
 ELEMENT_TYPES = {
     **{name: name for name in ("C3D4", "C3D8", "C3D8R", "C3D8I", "C3D10", "C3D10M", "C3D20", "C3D20R")},
@@ -57,10 +60,11 @@ def integers(words: list[str], block: Block, what: str) -> np.ndarray:
     grouped = next((word for word in words if "_" in word), None)
     if grouped is not None:
         raise InputError(block.fault(grouped, what))
-    long = next((word for word in words if word.lstrip("+-").isdecimal() and not is_id(word.lstrip("+-"))), None)
-    if long is not None:
-        raise InputError(block.fault(long, f"{what} of at most {DIGITS} digits"))
     try:
-        return np.array(words, dtype=np.int64)
-    except ValueError as error:
-        raise InputError(block.fault(str(error), what)) from error
+        found = np.array(words, dtype=np.int64)
+    except (ValueError, OverflowError):
+        found = None
+    if found is None or np.any(np.abs(found) // 10**DIGITS != 0):
+        wrong = next(word for word in words if not is_id(word.lstrip("+-")))
+        raise InputError(block.fault(wrong, f"{what} of at most {DIGITS} digits" if _WHOLE.fullmatch(wrong) else what))
+    return found

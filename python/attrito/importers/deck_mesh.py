@@ -16,7 +16,15 @@ import numpy as np
 from attrito.importers.deck import Block, read_blocks
 from attrito.importers.deck_axes import axes_of_nodes
 from attrito.importers.deck_elastic import ElementSets, densities, elastic_constants
-from attrito.importers.deck_ids import ELEMENT_TYPES, element_ids, element_type, fields, integers, set_members
+from attrito.importers.deck_ids import (
+    ELEMENT_TYPES,
+    NODES_PER_FAMILY,
+    element_ids,
+    element_type,
+    fields,
+    integers,
+    set_members,
+)
 from attrito.importers.deck_remarks import remarks
 from attrito.importers.mesh_data import Mesh, check_coordinates, is_id
 from attrito.model.surfaces import element_family
@@ -115,8 +123,8 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         mesh.constraints += [f"*BOUNDARY at nodes of *TRANSFORM, line {block.line}" for block in transforms]
     mesh.load_axes = axes_of_nodes(blocks, mesh.node_sets, node_ids, mesh.coordinates)
     mesh.held = _held(blocks, mesh.node_sets)
-    mesh.angles = _named(blocks, "RIGID BODY", "ROT NODE")
-    mesh.elongations = _named(blocks, "PRE-TENSION SECTION", "NODE")
+    mesh.angles = _named(blocks, "RIGID BODY", "ROT NODE", mesh.node_sets)
+    mesh.elongations = _named(blocks, "PRE-TENSION SECTION", "NODE", mesh.node_sets)
     files = (file for block in blocks for file in (block.file, block.data_file) if file)
     mesh.files = list(dict.fromkeys([path, *files]))
     return mesh
@@ -149,10 +157,16 @@ def _place(block: Block, index: int) -> list[str]:
     return [words[0], *map(repr, block.numbers(index, [*words[1:], "", "", ""][:3]))]
 
 
-def _named(blocks: list[Block], keyword: str, parameter: str) -> np.ndarray:
-    """Nodes that blocks of a keyword name by a parameter."""
-    given = [block for block in blocks if block.keyword == keyword and parameter in block.parameters]
-    return np.array([integers([block.parameters[parameter]], block, "a node")[0] for block in given], np.int64)
+def _named(blocks: list[Block], keyword: str, parameter: str, node_sets: dict[str, np.ndarray]) -> np.ndarray:
+    """Nodes that blocks of a keyword name by a parameter, or a node set of it."""
+    sets = {name.upper(): ids for name, ids in node_sets.items()}
+    found = [np.empty(0, np.int64)]
+    for block in blocks:
+        if block.keyword == keyword and (name := block.parameters.get(parameter)) is not None:
+            found.append(
+                sets[name.upper()] if name.upper() in sets else integers([name], block, "a node, or a node set")
+            )
+    return np.concatenate(found)
 
 
 def _held(blocks: list[Block], node_sets: dict[str, np.ndarray]) -> np.ndarray:
@@ -185,7 +199,12 @@ def _read_with_meshio(nodes: list[list[str]], element_blocks: list[Block], path:
     lines = ["*NODE"]
     lines += [",".join(words) for words in nodes]
     for block in element_blocks:
-        lines.append(f"*ELEMENT, TYPE={element_family(element_type(block))}")
+        family = element_family(element_type(block))
+        count, width = sum(len(fields(line)) for line in block.data), NODES_PER_FAMILY[family] + 1
+        if count % width:
+            expected = f"lines with an id and {width - 1} nodes for each element {element_type(block)}"
+            raise InputError(block.fault_at(0, f"{count} numbers", expected))
+        lines.append(f"*ELEMENT, TYPE={family}")
         lines += block.data
     with tempfile.TemporaryDirectory() as folder:
         reduced = Path(folder) / "mesh.inp"

@@ -33,6 +33,7 @@ _KINDS = {
     rb"HKSRD0": Foreign("Abaqus's database (.odb)", "the deck (.inp)", "*MATRIX OUTPUT's .mtx (docs/models.md)"),
     rb"ISO-10303-21": Foreign("geometry in STEP", _MESHED, "a matrix file"),
     rb"solid\b[^\n]*\n\s*(facet|endsolid)\b": Foreign("a surface in STL", _MESHED, "a matrix file"),
+    rb"version https://git-lfs": Foreign("a pointer of Git LFS", "the file itself: git lfs pull", "git lfs pull"),
     rb"\x1f\x8b": Foreign("packed by gzip", _UNPACKED, _UNPACKED),
     rb"BZh\d1AY": Foreign("packed by bzip2", _UNPACKED, _UNPACKED),
     rb"\xfd7zXZ\0": Foreign("packed by xz", _UNPACKED, _UNPACKED),
