@@ -64,6 +64,17 @@ def test_forces_on_nodes_that_depend_on_others_are_refused(case, tmp_path):
     assert force.sum() == -1.0
 
 
+def test_forces_on_what_is_no_displacement_are_refused(tmp_path):
+    """In CalculiX a force at the node of the angles is a moment; a reference node may depend on others, too."""
+    model, _ = imported(tmp_path, RIGID)
+    assert force_of(tmp_path, model, "*CLOAD\n9001, 3, 10.0\n").sum() == 10.0
+    with pytest.raises(InputError, match=r"10 of 15 on node 9002.*a moment"):
+        force_of(tmp_path, model, "*CLOAD\n9002, 3, -10.0\n9001, 3, 5.0\n")
+    model, _ = imported(tmp_path, ("*NODE\n9001, 50., 4., 20.\n", EQUATION[1]))
+    with pytest.raises(InputError, match="10 of 10 on nodes that"):
+        force_of(tmp_path, model, "*CLOAD\n9001, 3, -10.0\n")
+
+
 def test_a_force_on_a_support_is_no_fault(case, tmp_path):
     model, _ = case
     held = next(node for node, (x, _, _) in corners().items() if x == 0.0)

@@ -185,7 +185,7 @@ def _dependent(parts: Matrices, mesh: Mesh) -> np.ndarray:
     """Nodes and directions `[k, 2]` that neither a row of the matrices nor a support has: they depend on others."""
     if not mesh.constraints:
         return np.empty((0, 2), np.int64)
-    nodes = np.unique(np.concatenate([np.ravel(one) for _, one in mesh.elements.values()])).astype(np.int64)
+    nodes = np.setdiff1d(mesh.node_ids, np.append(mesh.angles, mesh.elongations)).astype(np.int64)
     known = np.concatenate([np.column_stack([parts.node, parts.direction]), mesh.held]).astype(np.int64)
     all_three = 8 * np.repeat(nodes, 3) + np.tile([1, 2, 3], len(nodes))
     left = np.setdiff1d(all_three, 8 * known[:, 0] + known[:, 1])
@@ -217,8 +217,11 @@ def _stray_nodes(node: np.ndarray, direction: np.ndarray, dofs: str, mesh: str, 
     if len(stray) == 0:
         return []
     remedy = "do matrices and mesh belong together? elements C3D8I add nodes of their own: use C3D8, C3D10 or C3D20"
-    if any(what.startswith("*RIGID BODY") for what in read.constraints):
-        remedy = "a *RIGID BODY without REF NODE and ROT NODE adds nodes of its own: name both, with lines under *NODE"
+    if any(what.startswith(("*RIGID BODY", "*COUPLING")) for what in read.constraints):
+        remedy = (
+            "a *COUPLING, and a *RIGID BODY without REF NODE and ROT NODE, add nodes of their own: take a *RIGID BODY"
+            " and name both, with lines under *NODE"
+        )
     if any(re.match("elements of type (S|B|CPS|CPE|M3D|T3D)", what) for what in read.skipped):
         remedy = "CalculiX expands shells, beams and plane elements to solids with nodes of their own: use solids"
     expected = f"nodes of the mesh {mesh} ({remedy})"

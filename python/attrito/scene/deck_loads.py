@@ -67,15 +67,26 @@ def _balance(reader: _Reader, force: np.ndarray) -> str:
 
 
 def _lost(path: str | Path, forces: np.ndarray, model: Model) -> list[Fault]:
-    """A fault where forces fall on displacements that depend on others: the matrices do not say which these are."""
+    """Faults where forces fall on displacements that depend on others, which the matrices do not tell, or on none.
+
+    Instead of displacements a node of a rigid body may have angles, and one of a pre-tension section an elongation.
+    """
+    faults = []
     rows = np.searchsorted(np.sort(model.node_ids), model.dependent[:, 0])
     on_dependent = np.abs(forces[np.argsort(model.node_ids)[rows], model.dependent[:, 1] - 1]).sum()
-    if on_dependent == 0.0:
-        return []
-    value = (
-        f"{on_dependent:.6g} of {np.abs(forces).sum():.6g} on nodes that *TIE, *EQUATION, *RIGID BODY or the like move"
-    )
-    return [Fault(str(path), "forces", value, "forces on nodes that move by themselves, or on the reference node")]
+    if on_dependent > 0.0:
+        value = (
+            f"{on_dependent:.6g} of {np.abs(forces).sum():.6g} on nodes that *TIE, *EQUATION, *RIGID BODY or the like"
+            " move"
+        )
+        expected = "forces on nodes that move by themselves, or on the reference node"
+        faults.append(Fault(str(path), "forces", value, expected))
+    turn = np.isin(model.node_ids, np.setdiff1d(model.dof_node, model.dof_node[model.translates]))
+    if lost := np.flatnonzero(turn & forces.any(axis=1)).tolist():
+        value = f"{np.abs(forces[turn]).sum():.6g} of {np.abs(forces).sum():.6g} on node {model.node_ids[lost[0]]}"
+        expected = 'a node that is displaced (a moment, or a pre-tension: by `dofs` of the load, ["node", number, "rx"]'
+        faults.append(Fault(str(path), "forces", value, f'{expected} or "q")'))
+    return faults
 
 
 class _Reader:
