@@ -105,7 +105,7 @@ contains
 
     session => session_of(handle)
     associate (mine => session%quasi_static%contact_work)
-      call session%ranks%gather_columns(reshape(mine, [1, size(mine)]), all)
+      call session%solver%context%balance%ranks%gather_columns(reshape(mine, [1, size(mine)]), all)
     end associate
     if (session%ranks%is_root()) work(:size(all, 2)) = all(1, :)
   end subroutine attrito_quasi_static_work

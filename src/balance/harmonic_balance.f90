@@ -3,8 +3,8 @@
 !> $$ r_h(d, \omega) = d_h - B \tilde Z_h^{-1} (f_h - B^T g_h(d)) = 0, \qquad h = 0 \ldots H $$
 !>
 !> d = B q are the relative displacements, lambda = K_c d + g(d) the contact forces. Harmonics 0 ... H are solved together
-!> (coupled), or the mean of q is frozen at the static solution (uncoupled). Each rank holds the rows of its own contacts; what
-!> crosses ranks is one block of generalised forces.
+!> (coupled), or the mean of q is frozen at the static solution (uncoupled). Each rank holds the rows of its own contacts, or, unless
+!> there are many, all of them; what crosses ranks is one block of generalised forces, or the forces of contacts.
 !> Source: Zucca & Firrone 2014, eqs. (9)-(10), doi:10.1016/j.jsv.2013.09.032.
 module attrito_balance_harmonic_balance
   use attrito_core_communicator, only: communicator_type
@@ -16,6 +16,7 @@ module attrito_balance_harmonic_balance
   use attrito_contact_forces, only: contact_forces_type
   use attrito_contact_kept_forces, only: keep_forces
   use attrito_contact_straight_increment, only: evaluate_increment
+  use attrito_balance_shared_evaluation, only: owners_of, exchange
   use attrito_balance_active_rows, only: active_rows_type
   use attrito_linear_rigid_body_modes, only: rigid_body_modes_type
   use attrito_linear_projected_rows, only: projected_rows_type
@@ -48,7 +49,10 @@ module attrito_balance_harmonic_balance
   end type resting_load_type
 
   type :: balance_type
+    !> Over which sums are made: those that hold a part of the contacts each, or this one alone, which holds all
     type(communicator_type) :: ranks
+    !> All that work on this balance: if each holds all contacts they share the evaluation
+    type(communicator_type) :: team
     !> How contacts are evaluated
     type(quadrature_type) :: quadrature
     class(receptance_type), allocatable :: receptance
@@ -152,13 +156,19 @@ contains
     real(wp), intent(in) :: omega
     !> 0, or not: it cannot be evaluated here
     integer, intent(out) :: status
-    integer :: i
+    integer :: owner(size(self%law)), i
 
     self%evaluations = self%evaluations + 1
     call self%receptance%set_frequency(omega, status)
     if (status /= 0) return
+    owner = -1
+    if (self%ranks%ranks == 1) owner = owners_of(self%team, self%forces)
     do i = 1, size(self%law)
+      if (owner(i) >= 0 .and. owner(i) /= self%team%rank) cycle
       call self%evaluate_forces(i, motion(:, self%law(i)%first_row:self%law(i)%first_row + self%law(i)%tangents))
+    end do
+    call exchange(self%team, owner, self%forces)
+    do i = 1, size(self%law)
       if (allocated(self%forces(i)%jacobian)) then
         self%work = self%work + contact_work(self%law(i), self%coefficients(), .false.)
       end if

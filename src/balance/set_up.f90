@@ -5,7 +5,7 @@
 !>
 !> Length and contacts may change later: with another length sliders stay, with other contacts they begin at zero.
 module attrito_balance_set_up
-  use attrito_core_communicator, only: communicator_type
+  use attrito_core_communicator, only: communicator_type, own_communicator
   use attrito_core_kinds, only: wp
   use attrito_core_trigonometric, only: resized
   use attrito_model_contacts, only: contacts_type, slider_width
@@ -23,8 +23,9 @@ module attrito_balance_set_up
 
 contains
 
-  !> Spread the contacts over ranks and make room.
-  subroutine new_balance(structure, contacts, receptance, ranks, self)
+  !> Take contacts and make room. Of a joint of usual size each rank takes all: it does the linear algebra itself, so that sums are
+  !> made in one order and results are the same bits on any number of ranks. Of a large one each takes a part.
+  subroutine new_balance(structure, contacts, receptance, ranks, self, most_whole)
     !> Mass, stiffness, damping, loads and monitors
     type(structure_type), intent(in) :: structure
     !> All contacts: laws and directions
@@ -34,11 +35,17 @@ contains
     !> Ranks that share the work
     type(communicator_type), intent(in) :: ranks
     type(balance_type), intent(out) :: self
+    !> Contacts up to which each rank takes all; if not given, it takes all
+    integer, intent(in), optional :: most_whole
     integer :: first, last
 
     call move_alloc(receptance, self%receptance)
-    self%ranks = ranks
-    call ranks%share(size(contacts%law), first, last)
+    self%team = ranks
+    self%ranks = own_communicator()
+    if (present(most_whole)) then
+      if (size(contacts%law) > most_whole) self%ranks = ranks
+    end if
+    call self%ranks%share(size(contacts%law), first, last)
     self%static_loads = self%receptance%project_mean_loads(structure%static_loads)
     self%monitors = self%receptance%project_rows(structure%monitors)
     self%free = new_rigid_body_modes(structure, contacts)

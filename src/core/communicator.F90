@@ -23,6 +23,7 @@ module attrito_core_communicator
     procedure :: largest
     procedure :: gather_columns
     procedure :: gather_columns_everywhere
+    procedure :: gather_numbers
     procedure :: gather_integers
     procedure :: broadcast
     procedure :: broadcast_integer
@@ -141,6 +142,21 @@ contains
     offsets = [(sum(counts(:i - 1)), i=1, self%ranks)]
     call MPI_Allgatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, self%handle, ierr)
   end subroutine gather_columns_everywhere
+
+  !> Each rank's numbers, one after another in the order of ranks, on every rank.
+  subroutine gather_numbers(self, mine, all)
+    class(communicator_type), intent(in) :: self
+    !> This rank's numbers
+    real(wp), intent(in), contiguous :: mine(:)
+    !> Every rank's numbers
+    real(wp), allocatable, intent(out) :: all(:)
+    integer :: counts(self%ranks), offsets(self%ranks), i, ierr
+
+    call MPI_Allgather(size(mine), 1, MPI_INTEGER, counts, 1, MPI_INTEGER, self%handle, ierr)
+    offsets = [(sum(counts(:i - 1)), i=1, self%ranks)]
+    allocate (all(sum(counts)))
+    call MPI_Allgatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, self%handle, ierr)
+  end subroutine gather_numbers
 
   !> Each rank's integers, one after another in the order of ranks, on every rank.
   subroutine gather_integers(self, mine, all)

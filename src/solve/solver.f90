@@ -42,6 +42,9 @@ module attrito_solve_solver
     logical :: reset_slider = .false.
     !> Freeze the mean at the static solution
     logical :: uncoupled = .false.
+    !> Contacts up to which each rank holds all of them, and does all but their evaluation itself. Of more, linear algebra takes so much
+    !> that ranks share it, and its sums round differently on each number of ranks
+    integer :: most_whole = 300 ! guess
   end type solver_options_type
 
   type :: solver_type
@@ -113,7 +116,7 @@ contains
     if (allocated(error)) return
     call new_receptance(structure, contacts, self%stuck, options%harmonics, receptance)
     allocate (self%context)
-    call new_balance(structure, contacts, receptance, ranks, self%context%balance)
+    call new_balance(structure, contacts, receptance, ranks, self%context%balance, options%most_whole)
     self%context%tolerance = options%tolerance
     call new_newton(self%context, self%newton)
     if (self%context%petsc_error /= 0) then

@@ -144,7 +144,7 @@ contains
     contacts%law%tangential_stiffness = factor*contacts%law%tangential_stiffness
     contacts = new_contacts(contacts%law, contacts%directions)
     associate (balance => solver%context%balance)
-      call new_solver(solver%structure, contacts, balance%ranks, solver%options, softer, error)
+      call new_solver(solver%structure, contacts, balance%team, solver%options, softer, error)
       done = .not. allocated(error)
       if (.not. done) return
       call softer%hold_contacts(balance%first_contact, balance%first_contact + size(balance%law) - 1)

@@ -88,7 +88,7 @@ contains
     if (allocated(examination%monodromy)) found = examination%monodromy
     if (.not. allocated(found)) allocate (found(0))
     self%value = pack(found%value, found%kind == kind_floquet)
-    associate (ranks => solver%context%balance%ranks)
+    associate (ranks => solver%context%balance%team)
       sent = [real(size(self%value), wp), merge(1.0_wp, 0.0_wp, size(self%value) > 0 .and. is_near(examination))]
       call ranks%sum(sent)
       self%exact = nint(sent(2)) > 0

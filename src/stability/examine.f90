@@ -37,7 +37,7 @@ contains
     self%reason = ''
     balance = balance_motion_of(solver)
     verdict = 0.0_wp
-    associate (ranks => solver%context%balance%ranks)
+    associate (ranks => solver%context%balance%team)
       if (ranks%is_root()) then
         call examine_motion(solver, system, options, balance, self)
         verdict = real(self%verdict, wp)

@@ -43,7 +43,7 @@ contains
     self%reason = ''
     balance = balance_motion_of(solver)
     verdict = 0.0_wp
-    associate (ranks => solver%context%balance%ranks)
+    associate (ranks => solver%context%balance%team)
       if (ranks%is_root()) then
         call examine_wave(solver, waves, wheel, options, balance, self)
         verdict = real(self%verdict, wp)

@@ -125,7 +125,7 @@ def test_multipliers_are_the_same_on_1_2_and_4_ranks(tmp_path):
             # Of three contacts, some slip.
             assert multipliers(rows, "monodromy", "slip").size > 0
         assert found[-1] == found[0]
-        assert np.abs(values - reference).max() < 1e-8
+        assert np.array_equal(values, reference)
 
 
 def test_every_multiplier_of_the_chain_is_found_by_both_engines(tmp_path):
