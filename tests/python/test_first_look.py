@@ -10,7 +10,7 @@ import pytest
 from elastic import DENSITY, elastic_block
 from jobs import attrito_here, write_job
 from scipy.linalg import eigh
-from scipy.sparse import block_diag
+from scipy.sparse import block_diag, diags
 
 from attrito.importers.first_look import centre_of_gravity, first_look, natural_frequencies
 from attrito.model.model import Model
@@ -45,6 +45,18 @@ def test_natural_frequencies_of_a_floating_body_are_those_of_dense_matrices_afte
     said = ", ".join(f"{f:.5g}" for f in exact)
     assert first_look(model)[1] == f"natural frequencies without contacts: {said} Hz and 6 rigid-body modes"
     assert "[model] suspension_hz" in first_look(model)[2]
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_rigid_body_modes_are_six_where_rounding_leaves_their_squares_above_zero(seed):
+    """No negative one shows then how much that is."""
+    model = block()
+    exact = natural_frequencies(model, 9)[6:]
+    lost = 16.0 * np.finfo(float).eps * np.random.default_rng(seed).uniform(0.5, 1.0, model.size)
+    model.stiffness = (model.stiffness + diags(lost * model.stiffness.diagonal())).tocsr()
+    found = natural_frequencies(model, 9)
+    assert np.count_nonzero(found == 0.0) == 6
+    assert found[6:] == pytest.approx(exact, rel=1e-8)
 
 
 def test_of_two_bodies_that_float_all_rigid_body_modes_are_counted_and_elastic_ones_are_listed():

@@ -1,7 +1,8 @@
 """What shows a wrong unit or a wrong file at once: centre of gravity, extents, first natural frequencies.
 
 The natural frequencies are those of the imported matrices, K x = omega^2 M x, without any contact: from the shift
-sigma < 0 next to zero, at which K - sigma M can be factorised though the body floats.
+sigma < 0 next to zero, at which K - sigma M can be factorised though the body floats. Those of rigid motions x are zero
+but for rounding of K, a part of |x|^T |K| |x|, x^T M x = 1.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ SHOWN, MOST_DOFS = 3, 40000
 SHIFT, RIGID = 1e-9, 1e-6
 # And what is nearer than this many times the most negative square of a frequency: rounding of the matrices left that
 TIMES_ROUNDING = 4.0
+# Part of |x|^T |K| |x| that assembly and a file of sixteen digits leave of x^T K x
+DIGITS = 32.0 * float(np.finfo(float).eps)
 MOST_RIGID = 6
 
 
@@ -57,9 +60,11 @@ def natural_frequencies(model: Model, count: int) -> np.ndarray:
     factors = splu(stiffness - shift * mass, permc_spec="MMD_AT_PLUS_A", options={"SymmetricMode": True})
     inverse = LinearOperator(stiffness.shape, factors.solve, dtype=float)
     start = np.random.default_rng(0).standard_normal(model.size)
-    squares = eigsh(stiffness, count, mass, shift, v0=start, OPinv=inverse, return_eigenvectors=False)
-    squares = np.sort(squares)
-    rounding = max(RIGID * abs(shift), min(-TIMES_ROUNDING * squares[0], abs(shift)))
+    squares, shapes = eigsh(stiffness, count, mass, shift, v0=start, OPinv=inverse)
+    order = np.argsort(squares)
+    squares, shapes = squares[order], np.abs(shapes[:, order])
+    least = max(RIGID * abs(shift), min(-TIMES_ROUNDING * squares[0], abs(shift)))
+    rounding = np.maximum(least, DIGITS * np.einsum("im,im->m", shapes, abs(stiffness) @ shapes))
     return np.sqrt(np.where(squares <= rounding, 0.0, squares)) / (2.0 * np.pi)
 
 
