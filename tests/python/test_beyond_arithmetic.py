@@ -24,7 +24,7 @@ def against_a_wall(tangential_stiffness: float, gap: float = 0.0) -> dict:
     return job
 
 
-@pytest.mark.parametrize("tangential_stiffness", [3e13, 1e14, 1e15])
+@pytest.mark.parametrize("tangential_stiffness", [3e13, 1e14, 1e15, 1e16, 1e20, 1e100])
 def test_friction_whose_slip_radius_rounding_hides_is_not_said_to_have_no_orbit(tmp_path: Path, tangential_stiffness):
     """There is one: that of rigid friction, to which softer springs lead."""
     said = run(tmp_path, against_a_wall(tangential_stiffness), code=1).stderr
@@ -34,6 +34,12 @@ def test_friction_whose_slip_radius_rounding_hides_is_not_said_to_have_no_orbit(
     with h5py.File(tmp_path / "result.h5") as file:
         outcome = file["points/outcome"][:]
     assert not np.any(outcome == OUTCOMES.index("no_period_one_orbit"))
+
+
+def test_a_contact_of_infinite_stiffness_is_refused(tmp_path, capfd):
+    """At 1e300 the motion was 0, and converged."""
+    done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, against_a_wall(1e300)))
+    assert done.returncode == 2 and "at most 1e+100" in done.stderr
 
 
 def test_a_structure_that_holds_itself_is_not_asked_what_holds_it(tmp_path, capfd):

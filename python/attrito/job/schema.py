@@ -32,9 +32,9 @@ from attrito.library.names import EIGENSOLVERS, LAWS, ORDERINGS
 
 LAW = {
     "tangential_stiffness": Key(
-        number(0, above=True), None, "kt: force per relative displacement while it sticks", True
+        number(0, 1e100, above=True), None, "kt: force per relative displacement while it sticks", True
     ),
-    "normal_stiffness": Key(number(0, above=True), None, "kn: force per approach while it is closed", True),
+    "normal_stiffness": Key(number(0, 1e100, above=True), None, "kn: force per approach while it is closed", True),
     "friction_coefficient": Key(
         either(number(0), pressure_table),
         None,
@@ -340,7 +340,7 @@ ARRAYS: dict[str, dict[str, Key]] = {
         ),
         **LAW,
         "normal_stiffness": Key(
-            number(0, above=True), None, "kn: force per approach while it is closed; required with `normal`"
+            number(0, 1e100, above=True), None, "kn: force per approach while it is closed; required with `normal`"
         ),
         "area": Key(number(0, above=True), None, 'with `law = "pressure"`: the area A that N presses'),
     },
