@@ -36,6 +36,13 @@ def test_friction_whose_slip_radius_rounding_hides_is_not_said_to_have_no_orbit(
     assert not np.any(outcome == OUTCOMES.index("no_period_one_orbit"))
 
 
+@pytest.mark.parametrize(("normal_stiffness", "friction"), [(1e14, 0.5), (3e5, 0.0), (1e14, 0.0), (1e16, 0.05)])
+def test_whatever_is_said_of_motion_that_rounding_hides_names_the_stiffness(tmp_path: Path, normal_stiffness, friction):
+    job = against_a_wall(1e14)
+    job["contact"][0] |= {"normal_stiffness": normal_stiffness, "friction_coefficient": friction}
+    assert "(contacts are up to" in run(tmp_path, job, code=1).stderr
+
+
 def test_a_contact_of_infinite_stiffness_is_refused(tmp_path, capfd):
     """At 1e300 the motion was 0, and converged."""
     done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, against_a_wall(1e300)))

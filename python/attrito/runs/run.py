@@ -272,16 +272,19 @@ class _Run:
     def complaints(self) -> list[str]:
         """What the numerics did not deliver."""
         found = list(self.place.incomplete)
-        if failed := self.place.outcomes.get("not_converged", 0):
-            sweep = self._job["sweep"]
-            highest_hz = max(sweep["frequencies_hz"] or (sweep["start_hz"], sweep["stop_hz"]))
+        failed, missing = (self.place.outcomes.get(name, 0) for name in ("not_converged", "no_period_one_orbit"))
+        sweep, stiff = self._job["sweep"], ""
+        if failed or missing:
+            listed = sweep["frequencies_hz"]
+            highest_hz = max((sweep["start_hz"], sweep["stop_hz"]) if listed is None else listed)
             stiff = cautions.of_stiff_contacts(self._reduced, highest_hz)
+        if failed:
             found.append(f"{failed} point(s) did not converge{stiff}; they are in the file with outcome not_converged")
-        if missing := self.place.outcomes.get("no_period_one_orbit", 0):
+        if missing:
             found.append(
                 f"{missing} point(s) without an orbit of the excitation's period: friction alone does not hold the body"
-                " there, or motion in time drifts, bounces or takes several periods; they are in the file with outcome"
-                " no_period_one_orbit"
+                f" there, or motion in time drifts, bounces or takes several periods{stiff}; they are in the file with"
+                " outcome no_period_one_orbit"
             )
         if above := self.place.outcomes.get("above_tolerance", 0):
             found.append(
