@@ -114,7 +114,7 @@ contains
       if (came_to == not_reached .or. came_to == shorter_suffices) self%next_harmonics = solver%options%harmonics
       if (came_to == not_reached .or. came_to == shorter_suffices .or. came_to == in_vain) exit
     end do
-    if (.not. (came_to == shorter_suffices .or. self%is_accepted())) self%spare = self%spare - (work_of(solver) - estimated)
+    if (.not. self%is_accepted()) self%spare = self%spare - (work_of(solver) - estimated)
     solver%context%most_work = huge(1.0_wp)
     if (self%series%choose_harmonics .and. solver%report%converged .and. .not. self%errors%is_sure) then
       self%errors%harmonics = ieee_value(self%errors%harmonics, ieee_quiet_nan)
@@ -124,7 +124,7 @@ contains
 
   !> Solve the point again on a longer series, unless that shows nothing better than the shorter one: a series that differs from a
   !> shorter one by what that errs by for sure, and yet may err by more, is passed over. Along a branch a long one that gains little
-  !> is left for good: every point that follows would cost as much.
+  !> is left again: every point that follows would cost as much.
   subroutine try_longer(self, solver, range, harmonics, finer, tried, can_leap, iterations, came_to)
     class(refinement_type), intent(inout) :: self
     !> Solver of points, which this moves
@@ -190,10 +190,10 @@ contains
     if (self%errors%is_sure) then
       shown = change + self%errors%harmonics
     else
-      shown = change + beyond(change, solver%options%harmonics, shorter%harmonics)
+      shown = change + max(self%errors%known_part, beyond(change, solver%options%harmonics, shorter%harmonics))
       call compare(self, solver, change, shorter%errors)
     end if
-    if (shows_enough(self, shorter%errors, shown)) then
+    if (shows_enough(self, solver%options%harmonics, shorter%errors, shown)) then
       came_to = shorter_suffices
     else if (shorter%errors%is_sure .and. .not. self%errors%is_sure) then
       if (self%errors%harmonics > shorter%errors%harmonics .and. change <= caution*shorter%errors%harmonics) came_to = passed_over
@@ -214,7 +214,7 @@ contains
     !> Errors on the shorter series
     type(point_errors_type), intent(in) :: shorter
 
-    has_gained = self%errors%is_sure .and. self%errors%harmonics <= least_gain*shorter%harmonics
+    has_gained = self%errors%is_sure .and. (.not. shorter%is_sure .or. self%errors%harmonics <= least_gain*shorter%harmonics)
   end function has_gained
 
   !> The length of the series to solve the present point again on.
@@ -238,15 +238,19 @@ contains
   end function longer_than
 
   !> Does the present point, on a longer series, show that the shorter one was long enough? A solved series says more than an
-  !> estimate, so that harmonics may take as much as they may at worst.
-  pure logical function shows_enough(self, shorter, shown)
+  !> estimate, so that harmonics may take as much as they may at worst, rather than that points that follow are solved on a long one.
+  pure logical function shows_enough(self, longer, shorter, shown)
     class(refinement_type), intent(in) :: self
+    !> Highest harmonic of the longer series
+    integer, intent(in) :: longer
     !> What the estimate on the shorter series left open
     type(point_errors_type), intent(in) :: shorter
     !> Error of the shorter series
     real(wp), intent(in) :: shown
+    real(wp) :: most
 
-    shows_enough = self%errors%is_sure .and. may_suffice(self, shorter) .and. shown <= self%series%at_worst(shorter)
+    most = merge(self%series%at_worst(shorter), harmonics_share*self%series%tolerance, longer > long_series)
+    shows_enough = self%errors%is_sure .and. may_suffice(self, shorter) .and. shown <= most
   end function shows_enough
 
   !> What the longer of two series leaves out, by how the monitors differ. What is beyond H falls like H^-3: forces fade like h^-2,

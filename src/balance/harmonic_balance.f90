@@ -167,7 +167,7 @@ contains
       if (owner(i) >= 0 .and. owner(i) /= self%team%rank) cycle
       call self%evaluate_forces(i, motion(:, self%law(i)%first_row:self%law(i)%first_row + self%law(i)%tangents))
     end do
-    call exchange(self%team, owner, self%forces)
+    call exchange(self%team, owner, motion, omega, self%forces)
     do i = 1, size(self%law)
       if (allocated(self%forces(i)%jacobian)) then
         self%work = self%work + contact_work(self%law(i), self%coefficients(), .false.)

@@ -48,11 +48,13 @@ contains
   end function work_of
 
   !> Send what this rank has evaluated, and take what the others have.
-  subroutine exchange(ranks, owner, forces)
+  subroutine exchange(ranks, owner, motion, omega, forces)
     !> Ranks that evaluate together
     type(communicator_type), intent(in) :: ranks
     !> The rank that has evaluated each contact
     integer, intent(in) :: owner(:)
+    !> At which all have evaluated: coefficients of relative displacement, and angular frequency
+    real(wp), intent(in) :: motion(:, :), omega
     !> Of all contacts
     type(contact_forces_type), intent(inout) :: forces(:)
     type(state_store_type) :: mine, everyone
@@ -64,7 +66,7 @@ contains
     do i = 1, size(forces)
       if (owner(i) == ranks%rank) call keep_evaluation(forces(i), mine)
     end do
-    call ranks%gather_numbers(mine%numbers(:mine%position), numbers)
+    call ranks%gather_numbers(mine%numbers(:mine%position), omega + sum(motion), numbers)
     everyone = reading_store(numbers)
     do i = 1, size(forces)
       if (owner(i) >= 0) call keep_evaluation(forces(i), everyone)

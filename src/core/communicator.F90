@@ -143,16 +143,22 @@ contains
     call MPI_Allgatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, self%handle, ierr)
   end subroutine gather_columns_everywhere
 
-  !> Each rank's numbers, one after another in the order of ranks, on every rank.
-  subroutine gather_numbers(self, mine, all)
+  !> Each rank's numbers, one after another in the order of ranks, on every rank. They belong to a question that must be the same
+  !> everywhere, of which a number is a sign: ranks on unlike processors may come to round differently, and never meet again.
+  subroutine gather_numbers(self, mine, sign_of_question, all)
     class(communicator_type), intent(in) :: self
-    !> This rank's numbers
+    !> This rank's numbers; the sign
     real(wp), intent(in), contiguous :: mine(:)
+    real(wp), intent(in) :: sign_of_question
     !> Every rank's numbers
     real(wp), allocatable, intent(out) :: all(:)
-    integer :: counts(self%ranks), offsets(self%ranks), i, ierr
+    integer :: sent(3), got(3, self%ranks), counts(self%ranks), offsets(self%ranks), i, ierr
 
-    call MPI_Allgather(size(mine), 1, MPI_INTEGER, counts, 1, MPI_INTEGER, self%handle, ierr)
+    sent(1) = size(mine)
+    sent(2:) = transfer(sign_of_question, sent(2:))
+    call MPI_Allgather(sent, 3, MPI_INTEGER, got, 3, MPI_INTEGER, self%handle, ierr)
+    if (any(got(2:, :) /= spread(sent(2:), 2, self%ranks))) error stop 'ranks differ by rounding: run on processors of one kind'
+    counts = got(1, :)
     offsets = [(sum(counts(:i - 1)), i=1, self%ranks)]
     allocate (all(sum(counts)))
     call MPI_Allgatherv(mine, size(mine), MPI_DOUBLE_PRECISION, all, counts, offsets, MPI_DOUBLE_PRECISION, self%handle, ierr)

@@ -42,8 +42,8 @@ module attrito_solve_solver
     logical :: reset_slider = .false.
     !> Freeze the mean at the static solution
     logical :: uncoupled = .false.
-    !> Contacts up to which each rank holds all of them, and does all but their evaluation itself. Of more, linear algebra takes so much
-    !> that ranks share it, and its sums round differently on each number of ranks
+    !> Contacts up to which each rank holds all of them, and does all but their evaluation itself. Of more, linear algebra takes so
+    !> much that ranks share it, and its sums round differently on each number of ranks
     integer :: most_whole = 300 ! guess
   end type solver_options_type
 

@@ -21,8 +21,8 @@ program test_ranks
   implicit none
 
   real(wp), parameter :: omega = 1.3_wp
-  ! All by GMRES, one by elimination, or sums over ranks in another order, 1e-15: Newton's last step and the condition of the solution,
-  ! some 1e2, lie between.
+  ! All by GMRES, one by elimination, or sums over ranks in another order, 1e-15: Newton's last step and the condition of the
+  ! solution, some 1e2, lie between.
   real(wp), parameter :: of_solvers = 1.0e-10_wp
   !> Contacts up to which each rank holds all: none are split, or all
   integer, parameter :: most_whole(2) = [huge(1), 0]
