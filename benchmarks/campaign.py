@@ -2,6 +2,7 @@
 
     .venv/bin/python benchmarks/campaign.py --scenes 800 --seed 5 --keep campaign.jsonl
     .venv/bin/python benchmarks/campaign.py --seed 5 --only-scene 17 --verbose
+    .venv/bin/python benchmarks/campaign.py --scenes 300 --seed 6 --tangents 2 --keep two.jsonl
     .venv/bin/python benchmarks/campaign.py --keep campaign.jsonl --report-only --failures failures.csv
     .venv/bin/python benchmarks/campaign.py --scenes 200 --seed 5 --compare ../other
 
@@ -75,9 +76,9 @@ def sweep(scene: campaign_scenes.Scene) -> Iterator[tuple[Point, Solved, float]]
             yield point, solved, seconds
 
 
-def examine(seed: int, number: int, truth_seconds: float, send: Callable[[dict], None]) -> None:
+def examine(seed: int, number: int, tangents: int | None, truth_seconds: float, send: Callable[[dict], None]) -> None:
     """Solve a scene and judge its points; `send` gets the scene, its points, and each point again with its truth."""
-    scene = campaign_scenes.make(seed, number)
+    scene = campaign_scenes.make(seed, number, tangents)
     about = {"scene": number, "seed": seed, "structure": scene.structure, "classes": scene.classes}
     about |= {"ratio": scene.ratio, "lifted": scene.lifted, "tuned": scene.tuned, "tuned_state": scene.tuned_state}
     about |= {"damping": scene.reduced.damping_kind, "loads": scene.loaded_harmonics}
@@ -139,9 +140,9 @@ def taken_in(replies: list[dict], reply: dict) -> list[dict]:
     return [*replies, reply]
 
 
-def time_of(seed: int, number: int) -> dict:
+def time_of(seed: int, number: int, tangents: int | None) -> dict:
     """Least processor time of a scene's sweep, and what its points come to."""
-    scene = campaign_scenes.make(seed, number)
+    scene = campaign_scenes.make(seed, number, tangents)
     try:
         points = list(sweep(scene))
     except NumericsError:
@@ -206,10 +207,11 @@ def work() -> None:
 
     for line in sys.stdin:
         request = json.loads(line)
+        what = (request["seed"], request["scene"], request["tangents"])
         if request["timing"]:
-            send({"kind": "time", **time_of(request["seed"], request["scene"])})
+            send({"kind": "time", **time_of(*what)})
         else:
-            examine(request["seed"], request["scene"], request["truth_seconds"], send)
+            examine(*what, request["truth_seconds"], send)
         send({"kind": "end"})
 
 
@@ -225,7 +227,7 @@ def campaign(arguments: argparse.Namespace, hear: Callable[[list[dict]], None], 
                 number = next(numbers, None)
             if number is None:
                 break
-            request = {"seed": arguments.seed, "scene": number, "timing": False}
+            request = {"seed": arguments.seed, "scene": number, "tangents": arguments.tangents, "timing": False}
             replies = worker.ask(request | {"truth_seconds": arguments.truth_seconds}, arguments.seconds)
             with lock:
                 hear(replies)
@@ -243,7 +245,7 @@ def compare(arguments: argparse.Namespace) -> dict:
     workers = [Worker(), Worker(Path(arguments.compare).resolve())]
     rows = []
     for number in range(arguments.first, arguments.first + arguments.scenes):
-        request = {"seed": arguments.seed, "scene": number, "timing": True}
+        request = {"seed": arguments.seed, "scene": number, "tangents": arguments.tangents, "timing": True}
         least: list[float | None] = [None, None]
         for turn in range(REPEATS):
             for which in (0, 1) if turn % 2 == 0 else (1, 0):
@@ -267,6 +269,7 @@ def main() -> None:
     parser.add_argument("--scenes", type=int, default=800)
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--tangents", type=int, choices=(1, 2), help="of contacts; both unless given")
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--seconds", type=float, default=600.0, help="a scene that takes longer is skipped")
     parser.add_argument("--truth-seconds", type=float, default=6.0, help="of the processor, a way to a truth and point")

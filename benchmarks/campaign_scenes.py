@@ -87,10 +87,16 @@ class Scene:
         return [name for name, belongs in named.items() if belongs]
 
 
-def make(seed: int, number: int) -> Scene:
-    """The scene of a seed and a number."""
+def kind_of(random: np.random.Generator, shares: dict[str, float], tangents: int | None) -> str:
+    """A kind by its share, "..., N tangents"; of those with so many tangents where they are given."""
+    left = {name: share for name, share in shares.items() if tangents in (None, int(name.split()[-2]))}
+    return str(random.choice(list(left), p=np.array(list(left.values())) / sum(left.values())))
+
+
+def make(seed: int, number: int, tangents: int | None = None) -> Scene:
+    """The scene of a seed and a number, with so many tangents where they are given."""
     random = np.random.default_rng([seed, number])
-    structure = str(random.choice(list(STRUCTURES), p=list(STRUCTURES.values())))
+    structure = kind_of(random, STRUCTURES, tangents)
     kind, tangents = structure.split(",")[0], int(structure.split()[1])
     scene = structure_of(random, kind, tangents)
     scene = replace(scene, **damping_of(random, scene))

@@ -149,10 +149,11 @@ class Task:
     check: bool
     limit: float
     options: Options
+    tangents: int | None = None
 
     def scene(self) -> peaks_scenes.Scene:
         """The scene."""
-        return peaks_scenes.make(self.seed, self.number)
+        return peaks_scenes.make(self.seed, self.number, self.tangents)
 
 
 class Counted(Solver):
@@ -311,6 +312,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--scenes", type=int, default=100)
     parser.add_argument("--first", type=int, default=0, help="number of the first scene")
+    parser.add_argument("--tangents", type=int, choices=(1, 2), help="of contacts; both unless given")
     parser.add_argument("--runs", nargs="*", default=RUNS, choices=RUNS)
     parser.add_argument("--unchecked", action="store_true", help="do not sweep: arrival alone")
     parser.add_argument("--harmonics", type=int, default=5)
@@ -322,7 +324,7 @@ def main() -> None:
     numbers = range(arguments.first, arguments.first + arguments.scenes)
     options = Options(arguments.harmonics, arguments.samples)
     tasks = [
-        Task(arguments.seed, number, way, not arguments.unchecked, arguments.limit, options)
+        Task(arguments.seed, number, way, not arguments.unchecked, arguments.limit, options, arguments.tangents)
         for number in numbers
         for way in arguments.runs
     ]

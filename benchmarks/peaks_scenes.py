@@ -60,10 +60,10 @@ class Scene:
     level: float
 
 
-def make(seed: int, number: int) -> Scene:
-    """The scene of a seed and a number."""
+def make(seed: int, number: int, tangents: int | None = None) -> Scene:
+    """The scene of a seed and a number, with so many tangents where they are given."""
     random = np.random.default_rng([seed, number])
-    kind = str(random.choice(list(KINDS), p=list(KINDS.values())))
+    kind = campaign_scenes.kind_of(random, KINDS, tangents)
     structure, tangents = kind.split(",")[0], int(kind.split()[-2])
     scene = structure_of(random, structure, tangents)
     stuck = scenes.stuck_system(scene)
