@@ -81,6 +81,7 @@ contains
       if (status == 0) then
         own = own_monitors(solver)
         error = relative_change(own, finer%monitors)
+        errors%of_motion = change_of_motion(solver, finer)
         errors%unsettled = second%unsettled
         errors%is_sure = .false.
         agrees = .false.
@@ -181,6 +182,35 @@ contains
 
     own = solver%context%balance%monitors%motion_of(solver%context%balance%response)
   end function own_monitors
+
+  !> |q' - q| over |q|, q' up to the harmonics of q and the mean left out of |q|: monitors may hardly see it.
+  real(wp) function change_of_motion(solver, finer) result(change)
+    !> Solver of points: its balance
+    type(solver_type), intent(in) :: solver
+    !> The point on the longer series
+    type(finer_point_type), intent(in) :: finer
+    complex(wp), allocatable :: alternating(:, :)
+
+    associate (own => solver%context%balance%response)
+      alternating = own
+      alternating(:, lbound(own, 2)) = 0.0_wp
+      change = mean_square(solver, finer%response(:, :solver%context%balance%receptance%harmonics) - own)
+      change = sqrt(change/max(mean_square(solver, alternating), tiny(1.0_wp)))
+    end associate
+  end function change_of_motion
+
+  !> X_0^T M X_0 + 1/2 sum_h X_h^H M X_h.
+  real(wp) function mean_square(solver, response)
+    !> Solver of points: its balance
+    type(solver_type), intent(in) :: solver
+    !> X, in generalised coordinates [n, 0:H]
+    complex(wp), intent(in) :: response(:, 0:)
+    complex(wp), allocatable :: inertia(:, :)
+
+    allocate (inertia(size(response, 1), 0:ubound(response, 2)))
+    call solver%context%balance%receptance%inertia_of(response, inertia)
+    mean_square = 0.5_wp*real(sum(conjg(response)*inertia) + sum(conjg(response(:, 0))*inertia(:, 0)), wp)
+  end function mean_square
 
   !> Give the transforms back.
   subroutine destroy(self)

@@ -12,6 +12,8 @@ module attrito_accuracy_point_errors
   !> Relative errors of the amplitude; by harmonics NaN where the linearised step that estimates them is singular
   type :: point_errors_type
     real(wp) :: harmonics = 0.0_wp, modes = 0.0_wp
+    !> What a finer balance changes of the motion of all coordinates at the harmonics that the series has, relative to what alternates
+    real(wp) :: of_motion = 0.0_wp
     !> Is the estimate sure? Is it not for the stiffness of contacts alone?
     logical :: is_sure = .true., is_stiff = .false.
     !> Harmonics that have not settled, up to this one

@@ -46,7 +46,7 @@ contains
     report = examination_report_type(not_examined, 0, 0, -1.0_c_double, 0.0_c_double, 0.0_c_double, -1.0_c_double)
     options = examine_options_type(methods, orbit)
     associate (errors => session%point%errors)
-      if (errors%are_known()) options%estimate = errors%harmonics
+      if (errors%are_known()) options%estimate = max(errors%harmonics, errors%of_motion)
     end associate
     if (allocated(session%structure%sector)) then
       call prepare_wheel(session, int(methods), error)

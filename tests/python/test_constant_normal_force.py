@@ -231,3 +231,33 @@ def test_a_sweep_goes_on_over_the_corner_at_which_a_contact_begins_to_slip(tmp_p
     assert found["branches"] == 1
     assert found["folds"] == 0
     assert found["others"] == []
+
+
+def test_a_verdict_does_not_wait_for_what_the_monitor_does_not_see(tmp_path):
+    # The mass that the monitor is on knows nothing of the one that rubs, whose first harmonic alone is up to 0.1 off.
+    # The orbit is the only one there is, and stable: the normal force is constant.
+    springs = np.square(2.0 * np.pi * np.array([100.0, 60.0]))
+    contact = {
+        "tangents": [[[1, 1.0]]],
+        "tangential_stiffness": springs[1],
+        "friction_coefficient": 0.5,
+        "preload": 20.0,
+    }
+    job = {
+        "model": {
+            "mass": np.eye(2).tolist(),
+            "stiffness": np.diag(springs).tolist(),
+            "damping": [[6.0, 0.0], [0.0, 4.0]],
+        },
+        "contact": [contact],
+        "load": [{"kind": "harmonic", "cosine": [[0, 5.0], [1, 20.0]]}],
+        "balance": {"harmonics": 1},
+        "sweep": {"frequencies_hz": [28.0, 36.0, 44.0, 52.0]},
+        "stability": {"method": "monodromy"},
+        "output": {"file": "r.h5", "monitors": [{"name": "beside", "dofs": [[0, 1.0]]}]},
+    }
+    run(tmp_path, job)
+    with h5py.File(tmp_path / "r.h5") as file:
+        assert file["points/estimate"][:].max() < 1.0e-3
+        assert np.all((file["stability/distance"][:] > 0.01) & (file["stability/distance"][:] < 0.1))
+        assert file["points/stable"][:].tolist() == [1, 1, 1, 1]
