@@ -411,7 +411,10 @@ TETRA_LINES = "*ELEMENT, TYPE=C3D4\n1,1,1,1,1\n"
         ({"inp": "*NODE\n1,0,0,0\n"}, ["job.inp", "*ELEMENT", "missing"]),
         ({"inp": "*NODE\n1,0,0,0\n*ELEMENT, TYPE=C3D15\n1,1,1\n"}, ["job.inp", "line 3", "C3D15", "C3D10"]),
         ({"inp": "*NODE\n1,0,0,0\n*ELEMENT, TYPE=C3D4\n1,1,1,1,2\n"}, ["job.inp", "node 2"]),
-        ({"inp": "*NODE\n1,0,0,0\n*ELEMENT, TYPE=C3D4\n1,1,1,1\n"}, ["job.inp", "does not match element type"]),
+        (
+            {"inp": "*NODE\n1,0,0,0\n*ELEMENT, TYPE=C3D4\n1,1,1,1\n"},
+            ["job.inp: line 4", "4 numbers", "an id and 4 nodes for each element C3D4"],
+        ),
         ({"inp": "*NODE\n1,0,0,0\n1,1,0,0\n" + TETRA_LINES}, ["job.inp", "node 1 twice"]),
         ({"inp": "*NODE\na,0,0,0\n" + TETRA_LINES}, ["job.inp", "line 1", "'a'"]),
         ({"inp": "*NODE\n1,0,x,0\n" + TETRA_LINES}, ["job.inp", "x"]),
