@@ -8,7 +8,7 @@ import matrix_writers as write
 import numpy as np
 import pytest
 from bricks import brick
-from scipy.sparse import diags
+from scipy.sparse import diags, lil_matrix
 
 from attrito.importers import import_model
 from attrito.model.model import Model
@@ -27,7 +27,7 @@ def body() -> Model:
     return brick(held=lambda points: points[:, 0] < 1e-9, shape=bent, layers=5)
 
 
-def imported(folder: Path, model: Model, form: str) -> list[str]:
+def imported(folder: Path, model: Model, form: str, meshed: bool = True) -> list[str]:
     """Notes of the import."""
     write.write_deck(folder / "m.inp", model.node_ids, model.coordinates, model.elements, model.node_sets)
     names = np.asarray(model.dof_node), np.asarray(model.dof_direction)
@@ -35,7 +35,7 @@ def imported(folder: Path, model: Model, form: str) -> list[str]:
     if form == "abaqus":
         for name, matrix in zip(("STIF1", "MASS1"), matrices.values(), strict=True):
             write.write_abaqus(folder / f"j_{name}.mtx", matrix, *names)
-        return import_model(folder / "o.h5", abaqus_job=folder / "j", mesh=folder / "m.inp")[1]
+        return import_model(folder / "o.h5", abaqus_job=folder / "j", mesh=folder / "m.inp" if meshed else None)[1]
     write.write_dmig(folder / "j.pch", matrices, *names, fields=form)
     return import_model(folder / "o.h5", nastran_file=folder / "j.pch", mesh=folder / "m.inp")[1]
 
@@ -90,3 +90,35 @@ def test_springs_to_the_ground_are_no_lost_lines(tmp_path):
     model.stiffness = model.stiffness + 0.01 * model.stiffness.max() * diags(far.astype(float)).tocsr()
     (note,) = [note for note in imported(tmp_path, model, "abaqus") if "rigid translation" in note]
     assert f"resist a rigid translation: {np.count_nonzero(far)}, the first" in note
+
+
+def test_equal_springs_to_the_ground_are_no_lost_lines(tmp_path):
+    """Inclined ones leave equal sums in rows of neighbours, between which bricks have zeros by symmetry."""
+    model = brick(held=lambda points: points[:, 0] < 1e-9, layers=5)
+    x = dict(zip(model.node_ids, model.coordinates[:, 0], strict=True))
+    springs = lil_matrix((model.size, model.size))
+    for node in [node for node in x if x[node] > 0.09]:
+        own = np.flatnonzero(model.dof_node == node)
+        springs[np.ix_(own, own)] = 0.01 * model.stiffness.max() * np.ones((3, 3))
+    stiffness = (model.stiffness + springs).tocsr()
+    model.stiffness = stiffness.multiply(abs(stiffness) > 1e-9 * stiffness.max()).tocsr()
+    assert any("resist a rigid translation" in note for note in imported(tmp_path, model, "abaqus"))
+
+
+@pytest.mark.parametrize("meshed", [True, False])
+def test_mass_along_two_directions_of_nodes_without_a_common_element_is_no_lost_line(tmp_path, meshed):
+    """As a fluid in a gap, or an equation of x and y, makes it."""
+    model = body()
+    x = dict(zip(model.node_ids, model.coordinates[:, 0], strict=True))
+    mass = model.mass.tolil()
+    at = {place: i for i, place in enumerate(zip(model.dof_node, model.dof_direction, strict=True))}
+    near, far = (min(x, key=lambda node: abs(x[node] - place)) for place in (0.04, 0.1))
+    for direction in (1, 2):
+        i, j = at[near, direction], at[far, direction]
+        assert mass[i, j] == 0.0
+        mass[i, j] = mass[j, i] = 0.1 * min(mass[i, i], mass[j, j])
+    model.mass = mass.tocsr()
+    notes = imported(tmp_path, model, "abaqus", meshed)
+    (note,) = [note for note in notes if "none along the third" in note]
+    (i, node), (j, other) = sorted((at[node, 3], node) for node in (near, far))
+    assert f"third: 1, the first without an entry of dof {i}, node {node} z and dof {j}, node {other} z" in note

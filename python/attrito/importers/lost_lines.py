@@ -4,9 +4,14 @@ Elements resist no rigid translation, and their mass is the same along x, y and 
 
     sum_j k_ij = 0 over the displacements j along any direction,    m_ax,bx = m_ay,by = m_az,bz.
 
-Without a line k_ij the sums of the rows i and j, over the directions of j and of i, are both -k_ij. Springs to the
-ground leave other sums, and there is an entry k_ij. Rows next to supports have sums of their own, and are left out. Of
-a mass that has entries along two directions between two nodes, and the same, but none along the third, a line is lost.
+Without a line k_ij the sums of the rows i and j, over the directions of j and of i, are both -k_ij. Equal springs to
+the ground leave equal sums, too. A rotation about the row's own node, whose position is x_i, tells them apart:
+
+    sum_c k_ic (e x (x_c - x_i))_c = -k_ij (e x (x_j - x_i))_j    without the line,    0 with a spring at the node.
+
+Where x_j - x_i lies along the directions of both, both are 0, and nothing is decided. Rows next to supports have sums
+of their own, and are left out. Of a mass that has entries along two directions between two nodes of an element, and
+the same, but none along the third, a line is lost; between others fluids, or nodes that depend on others, may do that.
 """
 
 from __future__ import annotations
@@ -39,7 +44,7 @@ def lost_lines(model: Model, where: dict[str, str], label: Callable[[int], str])
     if not model.names_dofs or model.stiffness_holds:
         return [], []
     of_stiffness, held = _of_stiffness(model)
-    pairs = {"stiffness": of_stiffness, "mass": _of_mass(model)}
+    of_mass, doubtful = _of_mass(model)
     faults = [
         Fault(
             where[name],
@@ -47,16 +52,22 @@ def lost_lines(model: Model, where: dict[str, str], label: Callable[[int], str])
             f"no entry of {label(lost[0][0])} and {label(lost[0][1])}" + (f", {len(lost)} such" if lost[1:] else ""),
             "the entry that others of both rows ask for: lines of the file are lost",
         )
-        for name, lost in pairs.items()
+        for name, lost in (("stiffness", of_stiffness), ("mass", of_mass))
         if lost
     ]
-    note = (
-        f"rows of the stiffness, away from supports, that resist a rigid translation: {len(held)}, the first that of"
-        f" {label(held[0])}; springs to the ground do, and if there are none, lines of the file are lost"
-        if len(held)
-        else ""
-    )
-    return faults, [note] if note else []
+    notes = []
+    if held:
+        notes.append(
+            f"rows of the stiffness, away from supports, that resist a rigid translation: {len(held)}, the first that"
+            f" of {label(held[0])}; springs to the ground do, and if there are none, lines of the file are lost"
+        )
+    if doubtful:
+        notes.append(
+            f"pairs of nodes that share the same mass along two directions and none along the third: {len(doubtful)},"
+            f" the first without an entry of {label(doubtful[0][0])} and {label(doubtful[0][1])}; fluids, supports and"
+            " nodes that depend on others do that, and if there are none, lines of the file are lost"
+        )
+    return faults, notes
 
 
 def _of_stiffness(model: Model) -> tuple[list[tuple[int, int]], list[int]]:
@@ -87,7 +98,37 @@ def _of_stiffness(model: Model) -> tuple[list[tuple[int, int]], list[int]]:
     scale = digits * np.maximum(size[i], size[j])
     absent = np.asarray(stiffness[i, j]).ravel() == 0.0 if len(i) else np.zeros(0, bool)
     lost = absent & (np.abs(mine) > scale) & (np.abs(mine - its) <= scale)
+    i, j, mine, its = i[lost], j[lost], mine[lost], its[lost]
+    says, agrees = _turns(model, i, j, mine, digits)
+    other_says, other_agrees = _turns(model, j, i, its, digits)
+    lost = (says | other_says) & agrees & other_agrees
     return list(zip(i[lost].tolist(), j[lost].tolist(), strict=True)), rows.tolist()
+
+
+def _turns(
+    model: Model, i: np.ndarray, j: np.ndarray, sums: np.ndarray, digits: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Whether rotations about the nodes of rows i tell a lost k_ij from a spring, and do not speak against it."""
+    part = csr_matrix(model.stiffness[i])
+    row, column = np.repeat(np.arange(len(i)), np.diff(part.indptr)), part.indices
+    direction = np.asarray(model.dof_direction, dtype=int)
+    # Generalised coordinates take no part in a rigid motion.
+    spatial = direction[column] > 0
+    row, column, value = row[spatial], column[spatial], part.data[spatial]
+
+    def rotation(e: np.ndarray, center: np.ndarray, dofs: np.ndarray) -> np.ndarray:
+        turn = np.cross(e, model.coordinates[model.rows_of(dofs)] - model.coordinates[model.rows_of(center)])
+        axis = (direction[dofs] - 1) % 3
+        return np.where(direction[dofs] < 4, turn[np.arange(len(dofs)), axis], e[axis])
+
+    differs, lost, size = (np.zeros((3, len(i))) for _ in range(3))
+    for k, e in enumerate(np.eye(3)):
+        terms = value * rotation(e, i[row], column)
+        lost[k] = sums * rotation(e, i, j)
+        differs[k] = np.bincount(row, terms, len(i)) - lost[k]
+        size[k] = np.bincount(row, np.abs(terms), len(i))
+    scale = digits * size.max(axis=0)
+    return np.abs(lost).max(axis=0) > scale, np.abs(differs).max(axis=0) <= scale
 
 
 def _digits(left: np.ndarray) -> float:
@@ -95,8 +136,8 @@ def _digits(left: np.ndarray) -> float:
     return max(DIGITS, BEYOND * float(np.median(left))) if len(left) else DIGITS
 
 
-def _of_mass(model: Model) -> list[tuple[int, int]]:
-    """Pairs of dofs whose entry is lost."""
+def _of_mass(model: Model) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+    """Pairs of dofs whose entry is lost, and those for whose lack there may be another reason."""
     mass = model.mass
     assert mass is not None
     order = [np.flatnonzero(np.asarray(model.dof_direction) == d) for d in (1, 2, 3)]
@@ -113,11 +154,18 @@ def _of_mass(model: Model) -> list[tuple[int, int]]:
     digits = _digits(left)
     rows = np.flatnonzero(left > digits)
     if not 1 < len(rows) <= MOST_ROWS:
-        return []
+        return [], []
+    certain = np.zeros((len(rows), len(rows)), dtype=bool)
+    if model.has_mesh and model.elements:
+        entries = mass[dofs[0][rows]].tocoo()
+        placed = np.asarray(model.dof_direction)[entries.col] > 0
+        whole, beside = lies_whole(model, dofs[0][rows], entries.row[placed], entries.col[placed])
+        certain = (beside.toarray() > 0.0) & whole & whole[:, None]
     parts = np.array([mass[own[rows]][:, own[rows]].toarray() for own in dofs])
-    found = []
+    found: tuple[list[tuple[int, int]], list[tuple[int, int]]] = [], []
     for k, own in enumerate(dofs):
         a, b = (parts[m] for m in range(3) if m != k)
         lost = (parts[k] == 0.0) & (a != 0.0) & (np.abs(a - b) <= digits * np.abs(a))
-        found += [(int(own[rows[i]]), int(own[rows[j]])) for i, j in np.argwhere(lost) if i < j]
+        for i, j in np.argwhere(np.triu(lost, 1)):
+            found[0 if certain[i, j] else 1].append((int(own[rows[i]]), int(own[rows[j]])))
     return found
