@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -75,9 +76,17 @@ def test_forces_on_what_is_no_displacement_are_refused(tmp_path):
         force_of(tmp_path, model, "*CLOAD\n9001, 3, -10.0\n")
 
 
-def test_a_force_on_a_support_is_no_fault(case, tmp_path):
+@pytest.mark.parametrize("turns", [False, True])
+def test_a_force_on_a_support_is_no_fault(case, tmp_path, turns):
+    """Where that is pinned it may have rotations left, of a beam beside the solids."""
     model, _ = case
     held = next(node for node, (x, _, _) in corners().items() if x == 0.0)
+    if turns:
+        names = {
+            "dof_node": np.append(model.dof_node, [held] * 3),
+            "dof_direction": np.append(model.dof_direction, [4, 5, 6]),
+        }
+        model = replace(model, **names)
     assert not force_of(tmp_path, model, f"*CLOAD\n{held}, 3, -3.0\n").any()
 
 

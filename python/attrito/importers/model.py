@@ -166,6 +166,7 @@ def _model(
         model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
         model.elements, model.node_sets = nodes.elements, nodes.node_sets
         model.elastic, model.density, model.load_axes = nodes.elastic, nodes.density, nodes.load_axes
+        model.undisplaced = np.intersect1d(nodes.node_ids, np.append(nodes.angles, nodes.elongations))
         model.dependent = _dependent(parts, nodes)
         files += map(str, nodes.files)
     faults, doubts = ([], []) if holds else lost_lines(model, where, label)

@@ -32,6 +32,7 @@ class Model:
     node_sets : for each name its node ids, ascending
     load_axes : for nodes with axes of their own, which a deck's forces go along, directions 1, 2, 3 as rows `[3, 3]`
     dependent : `[k, 2]`, nodes and directions of displacements that depend on others, as the mesh file says
+    undisplaced : ids of nodes that stand for the angles of a rigid body, or for the elongation of a pre-tension section
     size : number of dofs n; taken from the stiffness matrix when there is one
     stiffness_holds : what the stiffness holds besides that of the structure at rest: names of `HOLDINGS`
     spin_hz : speed of rotation of what it holds; None where it comes from other loads
@@ -50,6 +51,7 @@ class Model:
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     load_axes: dict[int, np.ndarray] = field(default_factory=dict)
     dependent: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.int64))
+    undisplaced: np.ndarray = field(default_factory=lambda: np.empty(0, np.int64))
     size: int = 0
     stiffness_holds: tuple[str, ...] = ()
     spin_hz: float | None = None

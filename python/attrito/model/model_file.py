@@ -84,6 +84,9 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
         if len(model.dependent):
             words = "node and direction of displacements that depend on others, which no row of the matrices has"
             put("nodes/dependent", model.dependent, np.int64, words)
+        if len(model.undisplaced):
+            words = "nodes that stand for the angles of a rigid body, or for the elongation of a pre-tension section"
+            put("nodes/undisplaced", model.undisplaced, np.int64, words)
         if model.load_axes:
             put("nodes/load_axes/node", list(model.load_axes), np.int64, "nodes whose forces have axes of their own")
             axes = np.array(list(model.load_axes.values()))
@@ -199,6 +202,9 @@ class _Reader:
             model.dependent = self.array("nodes/dependent", 2)
             self.expect(model.dependent.shape[1] == 2, "nodes/dependent", model.dependent.shape, "two columns")
             self.known(model.dependent[:, :1], "nodes/dependent", model.node_ids)
+        if "undisplaced" in self.file["nodes"]:
+            model.undisplaced = self.array("nodes/undisplaced", 1)
+            self.known(model.undisplaced, "nodes/undisplaced", model.node_ids)
         if "load_axes" in self.file["nodes"]:
             ids, axes = self.array("nodes/load_axes/node", 1), self.array("nodes/load_axes/directions", 3, unknown=True)
             shape, expected = axes.shape, (len(ids), 3, 3)
