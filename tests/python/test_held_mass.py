@@ -98,6 +98,19 @@ def test_a_load_that_a_node_which_moves_as_another_shares_with_a_support_is_refu
         inertia_of(model, np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1)))
 
 
+def test_a_density_that_is_not_known_far_from_what_moves_as_another_is_no_fault():
+    """A layer of another material at the support, whose free nodes all have elements of the body, too."""
+    model, _ = coupled(brick(held=lambda points: points[:, 0] < 1e-9, layers=5), (0.1, 0.0, 0.0))
+    x = dict(zip(model.node_ids, model.coordinates[:, 0], strict=True))
+    for kind, (_, nodes) in model.elements.items():
+        at_support = np.array([min(x[node] for node in row) < 1e-9 for row in nodes])
+        model.elastic[kind] = np.where(at_support[:, None], [7.0e10, 0.3], [2.0e11, 0.3])
+    upward = np.tile([0.0, 0.0, 1.0], (len(model.node_ids), 1))
+    assert inertia_of(model, upward) == pytest.approx(model.mass @ model.on_dofs(upward), rel=1e-12)
+    # The integral of x (1 - x) over one of five layers
+    assert SharedMass(model).unknown_share == pytest.approx(1.0 / 6.0 / 5.0, rel=1e-12)
+
+
 def with_density(depth: float) -> tuple[Model, np.ndarray]:
     """A brick held up to a depth along x whose density is known, and its supports."""
     whole, model = brick(), brick(held=lambda points: points[:, 0] < depth)

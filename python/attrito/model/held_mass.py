@@ -142,7 +142,8 @@ class SharedMass:
                 f"forces in a file: the matrices do not tell {missed / np.abs(load).sum():.1e} of these, by how nodes"
                 " that *RIGID BODY, *EQUATION, *TIE or the like move follow the acceleration"
             )
-        if self.depends.any() and (share := self.unknown_share) > MISSED:
+        beside = [block for block in self.blocks if not self._alone[block.rows].all()]
+        if (share := self._unknown_share(beside, False)) > MISSED:
             raise UnknownMassError(
                 f"*DENSITY in the deck, imported again, or forces in a file: the matrices do not tell {share:.1e} of"
                 " the mass, which nodes next to supports share with them, nor does the mesh, since *RIGID BODY,"
@@ -153,9 +154,12 @@ class SharedMass:
     @cached_property
     def unknown_share(self) -> float:
         """Part of the mass of the mesh, its density being the same everywhere, that loads by mass lack."""
+        return self._unknown_share(self.blocks, bool(self.kinds_not_told))
+
+    def _unknown_share(self, blocks: list[_Block], crossing: bool) -> float:
+        """That of some blocks; `crossing`: other elements hide what those share whose density is known."""
         lost = 0.0
-        crossing = bool(self.kinds_not_told)
-        for block in (block for block in self.blocks if not block.is_lumped):
+        for block in (block for block in blocks if not block.is_lumped):
             for d in range(3):
                 held, depends = (which[block.rows, d] for which in (self.held, self.depends))
                 free = depends if block.mass is not None and not crossing else ~held
