@@ -126,6 +126,7 @@ def test_a_support_along_axes_of_transform_is_said_to_be_an_equation(tmp_path):
         "*TRANSFORM,NSET=TOP,TYPE=C\n0.3,0.2,0.1,0.4,-0.1,2.5\n",
         "*TRANSFORM,NSET=TOP,TYPE=C\n0.3,0.2,0.1,0.4,-0.1,2.5\n*TRANSFORM,NSET=END\n0,1,0,0,0,1\n",
         "*TRANSFORM,NSET=END,TYPE=R\n1,1,0,0,0,-2\n",
+        "*TRANSFORM,NSET=TOP,TYPE=C\n0.3,0.2,0.1,0.4,-0.1\n",
     ],
 )
 def test_forces_at_nodes_of_transform_go_as_calculix_has_them(tmp_path, axes):

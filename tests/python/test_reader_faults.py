@@ -451,7 +451,17 @@ def test_ids_of_more_digits_than_numbers_hold_are_refused(tmp_path, long, line, 
         read_mesh(tmp_path / "m.inp")
 
 
-@pytest.mark.parametrize("long", [*LONG, "7", "11"])
+@pytest.mark.parametrize("word", ["--2", "+-2", "1.0", "0" * 5000])
+def test_what_is_no_id_is_named(tmp_path, word):
+    (tmp_path / "m.inp").write_text(
+        "*NODE, NSET=all\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n"
+        f"*NSET, NSET=a\n1, {word}\n"
+    )
+    with pytest.raises(InputError, match=rf"NSET = '{re.escape(word[:80])}.*: expected node ids"):
+        read_mesh(tmp_path / "m.inp")
+
+
+@pytest.mark.parametrize("long", [*LONG, "9" * 5000, "0" * 5000 + "7", "7", "11"])
 def test_directions_beyond_six_hold_nothing(tmp_path, long):
     """Their list had taken all memory."""
     (tmp_path / "m.inp").write_text(

@@ -316,7 +316,15 @@ def test_a_later_section_of_unknown_constants_unsets_those_of_an_earlier_one(tmp
     assert np.array_equal(mesh.density["C3D4"], [7.8e-9, np.nan, np.nan, 7.8e-9, np.nan], equal_nan=True)
 
 
-@pytest.mark.parametrize(("lines", "known"), [("7.8e-9, 20.\n7.8e-9, 600.", True), ("7.8e-9, 20.\n7e-9, 600.", False)])
+@pytest.mark.parametrize(
+    ("lines", "known"),
+    [
+        ("7.8e-9, 20.\n7.8e-9, 600.", True),
+        ("7.8e-9, 20.\n7e-9, 600.", False),
+        ("7.8e-9\n*Density\n7.8e-9, 20.\n7e-9, 600.", False),
+        ("7.8e-9, 20.\n7e-9, 600.\n*Density\n7.8e-9", True),
+    ],
+)
 def test_a_density_that_depends_on_the_temperature_is_not_known(tmp_path, lines, known):
     (tmp_path / "deck.inp").write_text(DECK.replace("*Density\n7.8e-9", f"*Density\n{lines}"))
     assert ("C3D4" in read_mesh(tmp_path / "deck.inp").density) == known

@@ -53,6 +53,7 @@ SAID_OTHERWISE = {
     "a set of elements' nodes": DECK.replace("NSET=foot\n1, 2, 3, 4", "NSET=foot, ELSET=all"),
     "normals at nodes": DECK.replace(NODES, NODES.replace("\n", ", 0.0, 0.6, 0.8\n")),
     "a keyword that ends in a comma": DECK.replace("NSET=foot", "NSET=foot,"),
+    "a keyword that ends in a comma before a name": f"{DECK}*NSET, NSET=foot,\nFOOT\n",
     "a keyword over lines": DECK.replace("*NSET, NSET=foot", "*NSET,\n** between\nNSET=foot,\nUNSORTED,"),
     "an element over lines": DECK.replace(BRICK, BRICK.replace("4, 5", "4,\n5")),
     "a node of pre-tension by its set": f"{DECK}*PRE-TENSION SECTION, SURFACE=s, NODE=FOOT\n",

@@ -12,8 +12,8 @@ from attrito.support.text_files import number, read_lines
 
 # Keywords whose data lines may be in a file of their own
 _DATA = ("NODE", "ELEMENT", "NSET", "ELSET", "CLOAD", "DLOAD")
-# What a number begins with
-_NUMBER = "0123456789+-."
+# Parameters without a value
+_FLAGS = ("GENERATE", "UNSORTED", "INTERNAL")
 # A comma that is not in quotes
 _COMMA = re.compile(r',(?=(?:[^"]*"[^"]*")*[^"]*$)')
 
@@ -88,7 +88,7 @@ def read_blocks(path: str | Path, including: tuple[Path, ...] = ()) -> Iterator[
 
 def _split(lines: list[str], path: Path) -> Iterator[Block]:
     block: Block | None = None
-    # A keyword line that ends in a comma goes on in the next; a number is data, as CalculiX has it.
+    # A keyword line that ends in a comma goes on in the next where that has parameters; CalculiX takes all for data.
     begun = ""
     for line, text in enumerate(lines, start=1):
         text = text.strip()
@@ -98,13 +98,17 @@ def _split(lines: list[str], path: Path) -> Iterator[Block]:
             if block is not None:
                 yield block
             begun, block = text, _keyword_line(text, path, line)
-        elif block is not None and begun.endswith(",") and text[0] not in _NUMBER:
+        elif block is not None and begun.endswith(",") and _has_parameters(text):
             begun, block = begun + text, _keyword_line(begun + text, path, block.line)
         elif block is not None:
             begun = ""
             _add_line(block, text, line)
     if block is not None:
         yield block
+
+
+def _has_parameters(text: str) -> bool:
+    return "=" in text or text.split(",")[0].strip().upper() in _FLAGS
 
 
 def _add_line(block: Block, text: str, line: int) -> None:

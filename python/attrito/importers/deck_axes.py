@@ -38,9 +38,10 @@ def axes_of_nodes(
 
 def _axes(block: Block, places: np.ndarray) -> np.ndarray:
     """Axes `[k, 3, 3]` of one `*TRANSFORM` at places `[k, 3]`."""
-    words = [word for line in block.data for word in fields(line)][:6]
+    # What is left out is zero, as in CalculiX.
+    words = [*(word for line in block.data for word in fields(line)), *[""] * 6][:6]
     kind = block.parameters.get("TYPE", "R").upper()
-    if kind not in ("R", "C") or len(words) < 6:
+    if kind not in ("R", "C") or not block.data:
         raise InputError(block.fault(f"TYPE={kind}, {', '.join(words)}", "TYPE=R or TYPE=C, and two points"))
     a, b = np.reshape(block.numbers(0, words), (2, 3))
     if kind == "R":

@@ -66,11 +66,11 @@ def _of_materials(
         if block.keyword == "MATERIAL":
             name = block.parameters.get("NAME", "").upper()
         is_isotropic = block.parameters.get("TYPE", "ISO").upper() in ("ISO", "ISOTROPIC")
-        if block.keyword == keyword and is_isotropic and block.data:
-            constants = read(block.data)
-            if constants is not None:
-                found[name] = constants
-    return found
+        if block.keyword == keyword:
+            constants = read(block.data) if is_isotropic and block.data else None
+            # The last counts, known or not.
+            found[name] = constants or ()
+    return {name: constants for name, constants in found.items() if constants}
 
 
 def _density(lines: list[str]) -> tuple[float] | None:

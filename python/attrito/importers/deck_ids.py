@@ -65,6 +65,8 @@ def integers(words: list[str], block: Block, what: str) -> np.ndarray:
     except (ValueError, OverflowError):
         found = None
     if found is None or np.any(np.abs(found) // 10**DIGITS != 0):
-        wrong = next(word for word in words if not is_id(word.lstrip("+-")))
+        # Zeros in front may make a number longer than any.
+        odd = (word for word in words if not (_WHOLE.fullmatch(word) and is_id(word.lstrip("+-"))))
+        wrong = next(odd, max(words, key=len))
         raise InputError(block.fault(wrong, f"{what} of at most {DIGITS} digits" if _WHOLE.fullmatch(wrong) else what))
     return found
