@@ -345,6 +345,7 @@ def test_mass_of_which_the_deck_speaks_is_no_other_mass(tmp_path, says):
         (tmp_path / "m.inp").write_text(f"{beam('C3D8')}*NONSTRUCTURAL MASS, ELSET=E, UNITS=MASS PER VOLUME\n2e-10\n")
     model, notes = import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
     assert not [note for note in notes if note.startswith("warning")]
+    assert any("type MASS" in note and "loads by mass" not in note for note in notes) == (says == POINT)
     assert bool(model.density) == (says != "nonstructural")
     # Of the layer at the support free nodes have the integral of x^2, a third, between them.
     solid = (8.0e-9 if says == "nonstructural" else 7.8e-9) * 30.0 * 16.0 * 7.0 * 7.0 / 9.0

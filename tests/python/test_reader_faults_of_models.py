@@ -215,6 +215,14 @@ def test_a_node_of_the_matrices_that_the_mesh_lacks_is_told(folder):
     assert "two_springs.pch" in told and "node 1000 (1 such nodes)" in told and "two_springs_mesh.bdf" in told
 
 
+@pytest.mark.parametrize(("kind", "remedy"), [("SPRING1", "C3D8I add nodes"), ("S4", "expands shells")])
+def test_a_remedy_for_nodes_that_the_mesh_lacks_is_that_of_its_elements(folder, kind, remedy):
+    nodes = "*NODE\n1, 0, 0, 0\n2, 1, 0, 0\n3, 0, 1, 0\n4, 0, 0, 1\n*ELEMENT, TYPE=C3D4\n1, 1, 2, 3, 4\n"
+    (folder / "mesh.inp").write_text(f"{nodes}*ELEMENT, TYPE={kind}, ELSET=e\n2, 1\n")
+    files = {"abaqus_job": folder / "two_springs", "mesh": folder / "mesh.inp"}
+    assert remedy in fault_of(import_model, folder / "model.h5", **files)
+
+
 def test_dofs_without_mass_are_counted(folder):
     text = (folder / "two_springs_MASS1.mtx").read_text().replace("1000,1, 1000,1,  2.5", "1000,1, 1000,1,  0.0")
     (folder / "two_springs_MASS1.mtx").write_text(text)

@@ -57,6 +57,7 @@ SAID_OTHERWISE = {
     "a keyword over lines": DECK.replace("*NSET, NSET=foot", "*NSET,\n** between\nNSET=foot,\nUNSORTED,"),
     "an element over lines": DECK.replace(BRICK, BRICK.replace("4, 5", "4,\n5")),
     "a node of pre-tension by its set": f"{DECK}*PRE-TENSION SECTION, SURFACE=s, NODE=FOOT\n",
+    "elements at nodes": f"{DECK}*ELEMENT, TYPE=DCOUP3D, ELSET=c\n8, 1\n*ELEMENT, TYPE=MASS, ELSET=m\n9, 2\n",
     "a comma in a name": DECK.replace("NSET=foot", 'NSET="foot, left"'),
 }
 

@@ -45,7 +45,7 @@ _SUPPORTS = {
     "ZASYMM": (1, 2, 6),
 }
 # Types that have nodes of solids, and in CalculiX add none
-_AT_NODES = ("MASS", "SPRING", "DASHPOT", "GAP")
+AT_NODES = ("MASS", "SPRING", "DASHPOT", "GAP", "DCOUP3D")
 # What makes nodes, elements and sets, or moves them, in ways that are not read
 _NOT_READ = {
     "SYSTEM": "coordinates along the global axes",
@@ -97,7 +97,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         missing = "*ELEMENT" if node_blocks else "*NODE"
         raise InputError(Fault(str(path), missing, "missing", "a mesh with *NODE and *ELEMENT"))
     others = [block for block in element_blocks if element_type(block) not in ELEMENT_TYPES]
-    expanded = [block for block in others if not element_type(block).startswith(_AT_NODES)]
+    expanded = [block for block in others if not element_type(block).startswith(AT_NODES)]
     if expanded and not skip:
         raise InputError(*map(_type_fault, expanded))
     element_blocks = [block for block in element_blocks if block not in others]

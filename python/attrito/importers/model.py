@@ -10,6 +10,7 @@ import numpy as np
 
 from attrito.importers.calculix import read_calculix
 from attrito.importers.check import check_matrices, lost_diagonals, massless
+from attrito.importers.deck_mesh import AT_NODES
 from attrito.importers.dof_file import names_cards, read_dof_file
 from attrito.importers.dof_numbers import DofNumbers
 from attrito.importers.fe_jobs import abaqus_matrices, nastran_matrices
@@ -223,7 +224,7 @@ def _stray_nodes(node: np.ndarray, direction: np.ndarray, dofs: str, mesh: str, 
             "a *COUPLING, and a *RIGID BODY without REF NODE and ROT NODE, add nodes of their own: take a *RIGID BODY"
             " and name both, with lines under *NODE"
         )
-    if any(re.match("elements of type (S|B|CPS|CPE|M3D|T3D)", what) for what in read.skipped):
+    if any(re.match("elements of type (S(?!PRING)|B|CPS|CPE|M3D|T3D)", what) for what in read.skipped):
         remedy = "CalculiX expands shells, beams and plane elements to solids with nodes of their own: use solids"
     expected = f"nodes of the mesh {mesh} ({remedy})"
     return [Fault(dofs, "file", f"node {stray[0]} ({len(stray)} such nodes)", expected)]
@@ -268,8 +269,13 @@ def _notes(model: Model) -> list[str]:
 def _mesh_notes(mesh: Mesh | None) -> list[str]:
     if mesh is None:
         return []
-    lost = "not drawn; no contact lies on them, and loads by mass lack what they share with supports"
-    notes = [f"left out of the mesh: {what} ({lost})" for what in mesh.skipped] + mesh.remarks
+    notes = []
+    for what in mesh.skipped:
+        # What lies at nodes has no mass between them.
+        at_nodes = what.startswith(tuple(f"elements of type {kind}" for kind in AT_NODES))
+        lost = "" if at_nodes else ", and loads by mass lack what they share with supports"
+        notes.append(f"left out of the mesh: {what} (not drawn; no contact lies on them{lost})")
+    notes += mesh.remarks
     if mesh.constraints:
         named = "; ".join(mesh.constraints)
         notes.append(
