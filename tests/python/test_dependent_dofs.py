@@ -71,6 +71,8 @@ def test_forces_on_what_is_no_displacement_are_refused(tmp_path):
     assert force_of(tmp_path, model, "*CLOAD\n9001, 3, 10.0\n").sum() == 10.0
     with pytest.raises(InputError, match=r"10 of 15 on node 9002.*a moment"):
         force_of(tmp_path, model, "*CLOAD\n9002, 3, -10.0\n9001, 3, 5.0\n")
+    model, _ = imported(tmp_path, (RIGID[0], f"{RIGID[1]}*BOUNDARY\n9002, 1, 3\n"))
+    assert force_of(tmp_path, model, "*CLOAD\n9002, 3, -10.0\n9001, 3, 5.0\n").sum() == 5.0
     model, _ = imported(tmp_path, ("*NODE\n9001, 50., 4., 20.\n", EQUATION[1]))
     with pytest.raises(InputError, match="10 of 10 on nodes that"):
         force_of(tmp_path, model, "*CLOAD\n9001, 3, -10.0\n")

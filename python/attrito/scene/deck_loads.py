@@ -81,7 +81,7 @@ def _lost(path: str | Path, forces: np.ndarray, model: Model) -> list[Fault]:
         )
         expected = "forces on nodes that move by themselves, or on the reference node"
         faults.append(Fault(str(path), "forces", value, expected))
-    turn = np.isin(model.node_ids, model.undisplaced)
+    turn = np.isin(model.node_ids, np.intersect1d(model.undisplaced, model.dof_node))
     if lost := np.flatnonzero(turn & forces.any(axis=1)).tolist():
         value = f"{np.abs(forces[turn]).sum():.6g} of {np.abs(forces).sum():.6g} on node {model.node_ids[lost[0]]}"
         expected = 'a node that is displaced (a moment, or a pre-tension: by `dofs` of the load, ["node", number, "rx"]'
