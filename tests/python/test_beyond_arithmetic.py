@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import h5py
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from jobs import attrito_here, run, wedge, write_job
 
 from attrito.library.names import OUTCOMES
+from attrito.scene.cautions import of_stiff_contacts
 
 
 def against_a_wall(tangential_stiffness: float, gap: float = 0.0) -> dict:
@@ -66,3 +68,11 @@ def test_loads_whose_squares_are_no_numbers_are_refused(tmp_path, capfd, factor,
     done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, job))
     assert done.returncode == 2
     assert "expected from 1e-140 to 1e+140, or 0: squares must be numbers, so take other units" in done.stderr
+
+
+@pytest.mark.parametrize(("stiffness", "said"), [(0.0, ""), (1e4, "up to 1.0e+08 times as stiff")])
+def test_a_contact_at_dofs_without_stiffness_and_mass_hides_no_friction(stiffness, said):
+    laws = {"tangents": [1], "tangential_stiffness": [1e5], "normal_stiffness": [1e12]}
+    parts = {"directions": np.eye(2), "stiffness": np.diag([1e4, stiffness]), "mass": np.zeros((2, 2))}
+    words = of_stiff_contacts(SimpleNamespace(laws=laws, **parts), 100.0)
+    assert said in words and bool(words) == bool(said)

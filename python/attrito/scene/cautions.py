@@ -127,7 +127,9 @@ def of_stiff_contacts(scene: ReducedScene, highest_hz: float) -> str:
     springs[np.cumsum(tangents + 1) - 1] = normal
     rows = scene.directions
     blocked = np.einsum("rm,rm->r", rows @ (scene.stiffness + (2.0 * np.pi * highest_hz) ** 2 * scene.mass), rows)
-    ratio = springs * np.einsum("rm,rm->r", rows, rows) ** 2 / np.maximum(blocked, np.finfo(float).tiny)
+    # What has neither stiffness nor mass hides no friction.
+    rows, springs, blocked = rows[blocked > 0.0], springs[blocked > 0.0], blocked[blocked > 0.0]
+    ratio = springs * np.einsum("rm,rm->r", rows, rows) ** 2 / blocked
     if not len(ratio) or ratio.max() <= RIGID:
         return ""
     return (
