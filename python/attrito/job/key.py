@@ -12,7 +12,7 @@ from attrito.job.checks import Check
 class Key:
     """One key of a table: how its value is checked, its value when absent, and what it means (Markdown).
 
-    `retired`: what is done whatever its value; the key is accepted, since older jobs have it, and says nothing.
+    `retired`: what is done whatever its value; the key is accepted, since older jobs have it, and a line says so.
     """
 
     check: Check

@@ -118,7 +118,7 @@ SIGNATURES: dict[str, tuple[Any, tuple[Any, ...]]] = {
     "attrito_wavenumbers": (None, (HANDLE, c_int, Integers)),
     "attrito_find_bifurcations": (c_int, (HANDLE, c_int, c_int)),
     "attrito_bifurcation": (None, (HANDLE, c_int, POINTER(RawBifurcation), Doubles)),
-    # Peaks and backbones
+    # Peaks
     "attrito_begin_peak": (
         None,
         (HANDLE, c_int, c_int, c_int, Doubles, *[c_double] * 4, c_int, POINTER(RawPeak)),
