@@ -5,7 +5,7 @@ Elements resist no rigid translation, and their mass is the same along x, y and 
     sum_j k_ij = 0 over the displacements j along any direction,    m_ax,bx = m_ay,by = m_az,bz.
 
 Without a line k_ij the sums of the rows i and j, over the directions of j and of i, are both -k_ij. Equal springs to
-the ground leave equal sums, too. A rotation about the row's own node, whose position is x_i, tells them apart:
+the ground leave equal sums, too. They differ by a rotation about the row's own node, at x_i:
 
     sum_c k_ic (e x (x_c - x_i))_c = -k_ij (e x (x_j - x_i))_j    without the line,    0 with a spring at the node.
 
