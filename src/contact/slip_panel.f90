@@ -121,7 +121,8 @@ contains
     end if
   end subroutine iterate
 
-  !> First guess: from node to node as for u' and r that stay as they are on average between them, a step of a Riccati equation,
+  !> First guess: from node to node as for u' and r that stay as they are on average between them (up to the first node as they are
+  !> there), a step of a Riccati equation,
   !> e <- e (1 + b conj e)/(1 + conj(b) e), b = tanh(L/2) u'/|u'|, L = |u'| d theta/r, the hyperbolic tangent as a fraction.
   pure subroutine guess(n, nodes, length, jet, phi, e)
     !> s

@@ -91,7 +91,7 @@ contains
 
   !> Values on the grid, on plain arrays. Two harmonics' terms at a time spare half the passes over the values.
   pure subroutine sample(points, coefficients, columns, values, series, sampled)
-    !> Of the grid; of a polynomial; polynomials
+    !> Of the grid; of a polynomial, an odd number; polynomials
     integer, value :: points, coefficients, columns
     !> Values per unit coefficient, of which the first are one; coefficients
     real(wp), intent(in) :: values(points, coefficients), series(coefficients, columns)

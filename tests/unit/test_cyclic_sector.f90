@@ -23,8 +23,7 @@ program test_cyclic_sector
   use testing, only: test, check, check_close
   implicit none
 
-  ! The samples of a sector are those of the next one, a twelfth of a period or several later.
-  integer, parameter :: harmonics = 4, samples = 48, k = 2*harmonics + 1, rows = 5
+  integer, parameter :: harmonics = 4, k = 2*harmonics + 1, rows = 5
   real(wp), parameter :: omega = 1.2_wp
   ! Both are solved to 1e-12 in motions of order one; the condition of the systems is below 1e2.
   ! Panels of slip lie elsewhere in a sector's period than in its neighbours', and leave up to 5e-9 in forces of 1, 4e-10 as a rule.
@@ -49,7 +48,7 @@ contains
     type(error_type), allocatable :: fault
 
     call new_solver(scene%structure, scene%contacts, only_me(), &
-                    solver_options_type(harmonics=harmonics, samples=samples, max_iterations=60, tolerance=1.0e-12_wp), solver, fault)
+                    solver_options_type(harmonics=harmonics, max_iterations=60, tolerance=1.0e-12_wp), solver, fault)
     if (allocated(fault)) error stop 'the scene is refused'
   end function solver_of
 

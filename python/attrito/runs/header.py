@@ -25,7 +25,7 @@ REFERENCES = (
     "Cameron & Griffin 1989, doi:10.1115/1.3176036; PETSc, SLEPc, MUMPS, FFTW, HDF5"
 )
 # Another one whenever a journal can't be gone on from bit for bit
-JOURNAL = 2
+JOURNAL = 3
 UNITS = {
     "tangential_stiffness": "user force/length",
     "normal_stiffness": "user force/length",
