@@ -228,7 +228,7 @@ contains
     associate (now => solver%options%harmonics)
       harmonics = max(needed, now)
       if (.not. self%errors%is_sure) then
-        ! Where the error is large the estimate does not know what is missing.
+        ! If the error is large the estimate does not know what is missing.
         if (self%series%accepts(self%errors)) harmonics = max(harmonics, self%errors%unsettled)
         harmonics = max(min(harmonics, most_growth*now), next_longer(now))
       end if

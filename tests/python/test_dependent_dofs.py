@@ -80,7 +80,7 @@ def test_forces_on_what_is_no_displacement_are_refused(tmp_path):
 
 @pytest.mark.parametrize("turns", [False, True])
 def test_a_force_on_a_support_is_no_fault(case, tmp_path, turns):
-    """Where that is pinned it may have rotations left, of a beam beside the solids."""
+    """If that is pinned it may have rotations left, of a beam that joins the solids."""
     model, _ = case
     held = next(node for node, (x, _, _) in corners().items() if x == 0.0)
     if turns:

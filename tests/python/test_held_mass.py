@@ -154,7 +154,7 @@ def test_a_lumped_mass_is_not_said_to_be_another(depth):
 
 
 def test_a_lumped_body_beside_a_consistent_one_lacks_nothing():
-    """As first-order elements of Abaqus are beside second-order ones: two bodies, told apart by their constants."""
+    """As first-order elements of Abaqus are and second-order ones: two bodies, distinguished by their constants."""
     (one, supports), (other, _) = (with_density(1e-9) for _ in range(2))
     place = {at: i for i, at in enumerate(zip(brick().dof_node, brick().dof_direction, strict=True))}
     own = [place[at] for at in zip(other.dof_node, other.dof_direction, strict=True)]

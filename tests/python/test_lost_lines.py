@@ -1,4 +1,4 @@
-"""Lines lost of a matrix file, beside its diagonal, are refused or named where mesh and matrices show it."""
+"""Lines lost of a matrix file, off its diagonal, are refused or named where mesh and matrices show it."""
 
 from __future__ import annotations
 

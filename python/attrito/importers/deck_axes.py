@@ -57,7 +57,7 @@ def _axes(block: Block, places: np.ndarray) -> np.ndarray:
 
 
 def _unit(vector: np.ndarray, scale: float, block: Block) -> np.ndarray:
-    """A vector of length one, given what it is long beside."""
+    """A vector of length one; one that is nothing in a scale of length is refused."""
     length = np.linalg.norm(vector)
     if not length > PARALLEL * scale:
         raise InputError(block.fault("no axes", "points that differ, and for TYPE=R not on a line with the origin"))

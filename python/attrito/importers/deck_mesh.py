@@ -175,7 +175,7 @@ def _held(blocks: list[Block], node_sets: dict[str, np.ndarray]) -> np.ndarray:
     held = [np.empty((0, 2), np.int64)]
     for block in blocks:
         for words in map(fields, block.data if block.keyword == "BOUNDARY" else ()):
-            # Beyond 6 are temperatures and the like: of any number two digits tell.
+            # Beyond 6 are temperatures and the like: two digits of any number decide.
             given = [int(word.lstrip("0")[:2] or 0) for word in words[1:3] if word.isdecimal()]
             directions = range(given[0], min(given[-1], 6) + 1) if given else _SUPPORTS.get(words[-1].upper(), ())
             nodes = sets.get(words[0].upper(), [int(words[0])] if is_id(words[0]) else [])

@@ -1,4 +1,4 @@
-"""Lines lost of a matrix file, beside its diagonal, that break what elements keep.
+"""Lines lost of a matrix file, off its diagonal, that break what elements keep.
 
 Elements resist no rigid translation, and their mass is the same along x, y and z:
 
@@ -9,7 +9,7 @@ the ground leave equal sums, too. They differ by a rotation about the row's own 
 
     sum_c k_ic (e x (x_c - x_i))_c = -k_ij (e x (x_j - x_i))_j    without the line,    0 with a spring at the node.
 
-Where x_j - x_i lies along the directions of both, both are 0, and nothing is decided. Rows next to supports have sums
+If x_j - x_i lies along the directions of both, both are 0, and nothing is decided. Rows next to supports have sums
 of their own, and are left out. Of a mass that has entries along two directions between two nodes of an element, and
 the same, but none along the third, a line is lost; between others fluids, or nodes that depend on others, may do that.
 """
@@ -108,7 +108,7 @@ def _of_stiffness(model: Model) -> tuple[list[tuple[int, int]], list[int]]:
 def _turns(
     model: Model, i: np.ndarray, j: np.ndarray, sums: np.ndarray, digits: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Whether rotations about the nodes of rows i tell a lost k_ij from a spring, and do not speak against it."""
+    """Whether rotations about nodes of rows i distinguish a lost k_ij from a spring, and do not speak against it."""
     part = csr_matrix(model.stiffness[i])
     row, column = np.repeat(np.arange(len(i)), np.diff(part.indptr)), part.indices
     direction = np.asarray(model.dof_direction, dtype=int)

@@ -6,7 +6,7 @@ A structure whose nodes all have the accelerations a is loaded by
 
 over all nodes j of the shape functions N. Free ones are in the matrices, held ones are not. The mesh has the shape
 functions, and the matrices tell the density, by which alone entries of both differ: for each kind of element and its
-constants, and by that of two rules of integration with which they agree best. Where no entries can be compared, the
+constants, and by that of two rules of integration with which they agree best. If no entries can be compared, the
 deck's density counts if with it the mesh has the mass of the matrices, r^T M r along a direction, held nodes left out:
 
     r^T M r = sum_ij m_ij over all nodes that are not held.

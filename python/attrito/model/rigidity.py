@@ -2,7 +2,7 @@
 
 For rigid motions r, K r = 0 in every row whose node is not coupled to held dofs, which the matrices lack. Such rows
 are known by the translations, K t = 0, and by the mesh, since rows beside a face that slides along a plane may have
-K t = 0 by symmetry; over them the rotations tell
+K t = 0 by symmetry; over them the rotations decide
 
     rho = |K r| / | sum_j |K_ij| |r_j| |,   r_j = e x (x_j - x_i)  (e for a node's own rotation),
 
