@@ -1,7 +1,6 @@
 !> Homotopy: a parameter is changed from its present value to the one that is asked for, in steps, each from the solution of the last.
 module attrito_solve_homotopy
   use attrito_core_kinds, only: wp
-  use attrito_solve_mean_regularisation, only: solve_with_springs
   use attrito_solve_solver, only: solver_type
   implicit none
   private
@@ -40,8 +39,6 @@ module attrito_solve_homotopy
   !> From no harmonic load to its level, at one angular frequency
   type, extends(homotopy_type) :: level_homotopy_type
     real(wp) :: omega = 0.0_wp, level = 1.0_wp
-    !> With springs on the mean?
-    logical :: with_springs = .false.
   contains
     procedure :: solve => solve_level
   end type level_homotopy_type
@@ -71,11 +68,7 @@ contains
     logical, intent(out) :: converged
 
     call solver%set_loads(solver%context%balance%static_factors, t*self%level)
-    if (self%with_springs) then
-      call solve_with_springs(solver, self%omega)
-    else
-      call solver%solve_at(self%omega)
-    end if
+    call solver%solve_at(self%omega)
     converged = solver%report%converged
   end subroutine solve_level
 

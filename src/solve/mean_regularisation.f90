@@ -12,7 +12,7 @@ module attrito_solve_mean_regularisation
   use attrito_solve_rigid_drift, only: repeated_means_type, alike_in_mean
   implicit none
   private
-  public :: can_regularise, solve_with_springs, find_drift
+  public :: can_regularise, find_drift
 
   !> Steps at most; those with springs as stiff as the first, by which a drift shows at once
   integer, parameter :: most_steps = 10, steps_alike = 3 ! guess
@@ -35,10 +35,10 @@ contains
     type(solver_type), intent(inout) :: solver
     !> Angular frequency, rad/s
     real(wp), intent(in) :: omega
-    !> Give up after a few iterations of Newton's method; if not given, do not
-    logical, intent(in), optional :: early_stop
-    !> Factor on the springs' stiffness; if not given, 1
-    real(wp), intent(in), optional :: softening
+    !> Give up after a few iterations of Newton's method?
+    logical, intent(in) :: early_stop
+    !> Factor on the springs' stiffness
+    real(wp), intent(in) :: softening
     logical :: has_springs
 
     solver%report%converged = .false.

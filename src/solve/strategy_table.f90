@@ -14,8 +14,8 @@ module attrito_solve_strategy_table
   private
   public :: search_type, strategy_type, strategies
 
-  !> Iterations after which a homotopy is given up, and one with springs on the mean
-  integer, parameter :: homotopy_iterations = 200, regularised_iterations = 60 ! guess
+  !> Iterations after which a homotopy is given up
+  integer, parameter :: homotopy_iterations = 200 ! guess
 
   !> The search for a point
   type :: search_type
@@ -74,7 +74,7 @@ contains
 
   !> The strategies, in their order.
   function strategies() result(table)
-    type(strategy_type) :: table(10)
+    type(strategy_type) :: table(9)
 
     table = [ &
             strategy_type('newton_early_stop', &
@@ -98,11 +98,6 @@ contains
                           condition='coupled; all contacts with two tangents; no drift found, no time integration', &
                           cost='64 periods, a solve of each', &
                           is_possible=can_march, is_worth_while=marches_alone, solve=solve_by_march), &
-            strategy_type('regularised_level_homotopy', &
-                          path='the static solution; the level of the loads in steps, with springs on the mean', &
-                          condition='coupled', &
-                          cost='some 60 iterations, then as `mean_regularisation`', &
-                          is_possible=can_regularise, solve=solve_by_regularised_level), &
             strategy_type('newton', &
                           path='the point before; to the end', &
                           condition='always', &
@@ -209,16 +204,6 @@ contains
     call solve_by_periods(solver, search%omega, search%outcome)
   end subroutine solve_by_march
 
-  subroutine solve_by_regularised_level(solver, search)
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> What is looked for, and what was found so far
-    type(search_type), intent(inout) :: search
-
-    call march_level(solver, search%omega, .true., regularised_iterations, search%outcome)
-    if (search%outcome%converged) call find_drift(solver, search%omega, .false., search%outcome)
-  end subroutine solve_by_regularised_level
-
   subroutine solve_from_stuck(solver, search)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver
@@ -248,8 +233,13 @@ contains
     type(solver_type), intent(inout) :: solver
     !> What is looked for, and what was found so far
     type(search_type), intent(inout) :: search
+    real(wp) :: level
 
-    call march_level(solver, search%omega, .false., homotopy_iterations, search%outcome)
+    level = solver%context%balance%level
+    solver%motion(2:, :) = 0.0_wp
+    call follow_homotopy(level_homotopy_type(search%omega, level), solver, search%outcome%iterations, search%outcome%converged, &
+                         most_iterations=homotopy_iterations)
+    call solver%set_loads(solver%context%balance%static_factors, level)
   end subroutine solve_by_level
 
   subroutine solve_by_softer_contacts(solver, search)
@@ -260,27 +250,6 @@ contains
 
     call solve_by_stiffness(solver, search%omega, search%outcome%iterations, search%outcome%converged)
   end subroutine solve_by_softer_contacts
-
-  !> From the static solution by steps in force.
-  subroutine march_level(solver, omega, with_springs, most_iterations, outcome)
-    !> Solver of points, which this moves
-    type(solver_type), intent(inout) :: solver
-    !> Angular frequency, rad/s
-    real(wp), intent(in) :: omega
-    !> With springs on the mean?
-    logical, intent(in) :: with_springs
-    !> Most iterations
-    integer, intent(in) :: most_iterations
-    !> Counts iterations on
-    type(strategy_outcome_type), intent(inout) :: outcome
-    real(wp) :: level
-
-    level = solver%context%balance%level
-    solver%motion(2:, :) = 0.0_wp
-    call follow_homotopy(level_homotopy_type(omega, level, with_springs), solver, outcome%iterations, outcome%converged, &
-                         most_iterations=most_iterations)
-    call solver%set_loads(solver%context%balance%static_factors, level)
-  end subroutine march_level
 
   !> What the last solve came to.
   pure subroutine count_on(solver, outcome)

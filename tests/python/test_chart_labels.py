@@ -6,11 +6,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from attrito.charts.file import Chart, Way, stored_table, write
 from attrito.charts.plot import SIZE, picture, picture_of_chart
-from attrito.plots.style import Look
+from attrito.plots.style import Look, label_short_log
 
 # Error, seconds and counted work of ways: two near each other, two at one error, one at the right-hand end of the panel
 NEAR = [
@@ -76,3 +77,26 @@ def test_labels_are_next_to_their_marks():
             nearest = np.clip(mark, (extent.x0, extent.y0), (extent.x1, extent.y1))
             # The farthest place is 15 points above or below the rim of a mark.
             assert np.hypot(*(nearest - mark)) < 20.0 * figure.dpi / 72.0
+
+
+def test_marks_below_the_reference_s_own_error_are_left_out():
+    chart = replace(chart_of(NEAR), reference=Way("tolerance", "1e-8", harmonics=20, estimate=0.012))
+    panel = picture(chart).axes[0]
+    drawn = [
+        y
+        for line in panel.get_lines()
+        if line.get_linestyle() == "None" and line.get_marker() != "*"
+        for y in line.get_ydata()
+    ]
+    assert sorted(drawn) == sorted(error for error, _, _ in NEAR if error > 0.012)
+
+
+@pytest.mark.parametrize(
+    ("ends", "numbers"), [((18.0, 43.0), {"20", "40"}), ((0.7, 30.0), {"1", "2", "5", "10", "20"})]
+)
+def test_a_short_logarithmic_axis_has_plain_numbers(ends, numbers):
+    axes = Figure().add_subplot()
+    axes.semilogx(ends, [1.0, 1.0])
+    label_short_log(axes.xaxis)
+    shown = {text.get_text() for text in axes.get_xticklabels()}
+    assert numbers <= shown and not any("10^" in text for text in shown)

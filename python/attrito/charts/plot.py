@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from attrito.charts.file import SERIES, Chart, Way, read
+from attrito.charts.file import SERIES, Chart, read
 from attrito.charts.labels import label_marks
-from attrito.plots.style import BRANCH_COLOURS, Look
+from attrito.plots.style import BRANCH_COLOURS, Look, label_short_log
 
 MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "H", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
 HUES = (
@@ -27,7 +27,7 @@ COLOURS = dict(zip(SERIES, HUES, strict=True))
 LABELLED = ("points", "meshes")
 # Series with a panel of their own, whose cost is a number of something; they are in no other
 COUNTED = {"curve": ("points", "Points of the sweep")}
-# Errors are drawn down to here; what is nearer cannot be distinguished from the reference
+# Errors are drawn down to here if the reference has no estimate of its own
 LEAST_ERROR = 1e-9
 # Diameters of marks in points: of ways, of those by tolerance, of the one that the job asks for
 SIZE, TOLERANCE_SIZE, STAR_SIZE = 4.5, 5.5, 15.0
@@ -38,23 +38,25 @@ def picture(chart: Chart, look: Look | None = None) -> Figure:
 
     Points of the drawn curve have a panel of their own beside these.
 
-    The dotted line is the reference's own estimated error: errors below it mean nothing.
+    The dotted line is the reference's own estimated error; marks below it would mean nothing and are left out.
     """
     look = look or Look()
     with matplotlib.rc_context(look.style()):
         solved = {way.series for way in chart.ways if np.isfinite(way.error)}
         counted = [series for series in COUNTED if series in solved]
         costs = ("seconds", "work")
+        least = _least_error(chart)
         figure = look.figure((12.4 + 3.2 * len(counted), 4.6))
         panels = figure.subplots(1, len(costs) + len(counted), sharey=True)
         for axes, series in zip(panels[2:], counted, strict=True):
             cost, label = COUNTED[series]
-            _draw(axes, [way for way in chart.ways if way.series == series], cost, series, SERIES[series])
+            _draw(axes, chart, cost, series, SERIES[series])
             axes.set(xscale="log", xlabel=label)
+            label_short_log(axes.xaxis)
         for axes, cost in zip(panels[:2], costs, strict=True):
             for series, label in SERIES.items():
                 if series not in COUNTED:
-                    _draw(axes, [way for way in chart.ways if way.series == series], cost, series, label)
+                    _draw(axes, chart, cost, series, label)
             _mark(axes, chart, cost)
             if np.isfinite(chart.reference.estimate):
                 axes.axhline(chart.reference.estimate, color="#8a8a8a", linestyle=":", linewidth=1.0, label="reference")
@@ -62,7 +64,7 @@ def picture(chart: Chart, look: Look | None = None) -> Figure:
         panels[0].set_ylabel(chart.quantity)
         errors = [error for error in (*(way.error for way in chart.ways), chart.reference.estimate) if error == error]
         few = all(way.series in LABELLED for way in chart.ways)
-        panels[0].set_ylim(bottom=max(min(errors), LEAST_ERROR) / 3, top=3.0 * max(errors) if few else 2.0)
+        panels[0].set_ylim(bottom=max(min(errors), least) / 3, top=3.0 * max(errors) if few else 2.0)
         if few:
             # Room for the labels beside the marks
             for axes in panels:
@@ -91,15 +93,22 @@ def _title(chart: Chart) -> str:
     return f"{chart.title}; reference: {reference.harmonics} harmonics, error {reference.estimate:.0e}"
 
 
-def _draw(axes: Axes, ways: list[Way], cost: str, series: str, label: str) -> None:
+def _least_error(chart: Chart) -> float:
+    """The reference's own error: what is nearer to it cannot be distinguished from it."""
+    estimate = chart.reference.estimate
+    return max(estimate, LEAST_ERROR) if np.isfinite(estimate) else LEAST_ERROR
+
+
+def _draw(axes: Axes, chart: Chart, cost: str, series: str, label: str) -> None:
+    ways = [way for way in chart.ways if way.series == series]
     x, y = (np.array([getattr(way, name) for way in ways]) for name in (cost, "error"))
-    shown = np.isfinite(x) & np.isfinite(y)
+    shown = np.isfinite(x) & (y >= (chart.reference.estimate if np.isfinite(chart.reference.estimate) else 0.0))
     if not shown.any():
         return
     size = TOLERANCE_SIZE if series == "tolerance" else SIZE
     axes.plot(
         x[shown],
-        np.maximum(y[shown], LEAST_ERROR),
+        np.maximum(y[shown], _least_error(chart)),
         MARKERS[series],
         color=COLOURS[series],
         markersize=size,
@@ -115,7 +124,7 @@ def _label(figure: Figure, axes: Axes, chart: Chart, cost: str) -> None:
     if ways:
         chosen = chart.chosen()
         own = None if chosen is None else chart.ways[chosen]
-        places = [(getattr(way, cost), max(way.error, LEAST_ERROR)) for way in ways]
+        places = [(getattr(way, cost), max(way.error, _least_error(chart))) for way in ways]
         sizes = [STAR_SIZE if way is own else SIZE for way in ways]
         label_marks(figure, axes, places, sizes, [f"{way.label}: {way.contacts}" for way in ways])
 
@@ -125,11 +134,16 @@ def _mark(axes: Axes, chart: Chart, cost: str) -> None:
     if cost == "seconds":
         front = sorted((way.seconds, way.error) for way, on in zip(chart.ways, chart.efficient(), strict=True) if on)
         seconds, error = np.array(front).reshape(-1, 2).T
-        nearest = np.maximum(error, LEAST_ERROR)
+        nearest = np.maximum(error, _least_error(chart))
         axes.step(seconds, nearest, where="post", color="#8a8a8a", linewidth=1.0, label="efficient front")
     chosen = chart.chosen()
     if chosen is not None and np.isfinite((way := chart.ways[chosen]).error):
         label = f"tolerance = {way.label}" if way.tolerance else f"the job's own: {way.label}"
         axes.plot(
-            getattr(way, cost), max(way.error, LEAST_ERROR), "*", color="#D55E00", markersize=STAR_SIZE, label=label
+            getattr(way, cost),
+            max(way.error, _least_error(chart)),
+            "*",
+            color="#D55E00",
+            markersize=STAR_SIZE,
+            label=label,
         )

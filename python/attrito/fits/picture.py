@@ -12,7 +12,7 @@ from attrito.fits.design import Parameter
 from attrito.fits.estimate import Profile
 from attrito.fits.found import Found
 from attrito.fits.measured import COLUMNS, SIGNED
-from attrito.plots.style import BRANCH_COLOURS, DASHES, LIMIT_COLOUR, STYLE, plain_text, with_unit
+from attrito.plots.style import BRANCH_COLOURS, DASHES, LIMIT_COLOUR, STYLE, label_short_log, plain_text, with_unit
 from attrito.support.units import axis_unit
 
 LABELS = {
@@ -71,8 +71,10 @@ def _draw(above: Axes, below: Axes, one: Data, name: str, solved: dict[str, np.n
     below.set(xlabel=_label(one, COLUMNS[one.of][0], units), ylabel="Residual / deviation")
     if one.of == "mode":
         below.set_xscale("log")
+        label_short_log(below.xaxis)
     if name not in SIGNED and np.nanmax(values) > 10.0 * np.nanmin(values):
         above.set_yscale("log")
+        label_short_log(above.yaxis)
     above.legend()
 
 

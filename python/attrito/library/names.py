@@ -18,7 +18,6 @@ STRATEGIES = (
     "mean_regularisation",
     "time_integration",
     "period_march",
-    "regularised_level_homotopy",
     "newton",
     "stuck_response",
     "frequency_homotopy",

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from attrito.library.names import OUTCOMES
 from attrito.peaks.curve import KINDS
 from attrito.peaks.file import read_peaks, smooth_curve
-from attrito.plots.style import BRANCH_COLOURS, Look, plain_text, with_unit
+from attrito.plots.style import BRANCH_COLOURS, Look, label_short_log, plain_text, with_unit
 from attrito.support.units import axis_unit
 
 STUCK_COLOUR = "#8a8a8a"
@@ -47,6 +47,7 @@ def peak_curve(path: str, look: Look | None = None) -> Figure:
         if not len(value):
             upper.text(0.5, 0.5, "no peak was found", transform=upper.transAxes, ha="center", va="center")
         upper.set_xscale("log")
+        label_short_log(figure.axes[-1].xaxis)
         upper.set_ylim(bottom=0.0)
         name = plain_text(str(attributes["monitor"]))
         peak = f"Peak of {name} by level" if parameter == "level" else f"Peak of {name}"

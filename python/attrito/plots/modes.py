@@ -6,7 +6,7 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, Look, with_unit
+from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, Look, label_short_log, with_unit
 from attrito.results.result import Result
 
 # Of the largest damping ratio: what is drawn of others
@@ -57,6 +57,7 @@ def mode_curve(result: Result, look: Look | None = None) -> Figure:
         if lower.get_legend_handles_labels()[0]:
             lower.legend(loc="best")
         upper.set_xscale("log")
+        label_short_log(lower.xaxis)
         lower.set_ylabel("Damping ratio")
         lower.set_xlabel(with_unit("Amplitude Q", result.unit("/points/amplitude")))
     return figure

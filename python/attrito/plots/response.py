@@ -22,7 +22,7 @@ from matplotlib.ticker import MaxNLocator
 
 from attrito.library.names import NO_SOLUTION, REFERENCES
 from attrito.plots.labels import names_of
-from attrito.plots.style import DASHES, Look, legend_below, plain_text, with_unit
+from attrito.plots.style import DASHES, Look, label_short_log, legend_below, plain_text, with_unit
 from attrito.results.curve import Curve
 from attrito.results.motion import DERIVATIVES, QUANTITIES, curve_of_quantity, unit_of
 from attrito.results.result import Result
@@ -232,6 +232,7 @@ def _scale_amplitudes(axes: Axes, span: np.ndarray, log: bool | None) -> None:
     span = span[span > 0]
     if log if log is not None else (len(span) > 0 and span.max() > 50 * span.min()):
         axes.set_yscale("log")
+        label_short_log(axes.yaxis)
     elif len(span):
         axes.set_ylim(0, 1.05 * span.max())
 

@@ -14,7 +14,9 @@ import matplotlib.style
 import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from matplotlib.transforms import ScaledTranslation
 
 from attrito.support.atomic_files import whole_file
@@ -163,6 +165,18 @@ def legend_below(axes: Axes, columns: int, labelled: Axes | None = None, lines: 
     axes.legend(
         handles.values(), handles.keys(), **place, ncol=columns, columnspacing=1.2, handlelength=1.8, borderaxespad=0
     )
+
+
+def label_short_log(axis: Axis) -> None:
+    """Plain numbers on a logarithmic axis of less than two decades: at 1, 2 and 5, or more within a single decade.
+
+    To be called when the curves are drawn.
+    """
+    low, high = axis.get_view_interval()
+    if 0.0 < high < 100.0 * low:
+        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axis.set_minor_formatter(NullFormatter())
 
 
 def _label_points() -> float:

@@ -38,7 +38,6 @@ COLUMNS = {
     "mean_regularisation_outcome": "of the same with springs on the mean that are relaxed, alone",
     "time_integration_outcome": "of Newton's method from means of integrated periods, alone",
     "period_march_outcome": "of Newton's method from periods marched one after another, alone",
-    "regularised_level_homotopy_outcome": "of small steps in the level of the loads, with springs on the mean, alone",
     "newton_outcome": "of Newton's method from the point before, alone",
     "stuck_response_outcome": "of Newton's method from the stuck response, alone",
     "frequency_homotopy_outcome": "of small steps in frequency, alone",

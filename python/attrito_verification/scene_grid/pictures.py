@@ -65,11 +65,10 @@ def method_map(grid: Grid) -> Figure:
     image = None
     for panel, preload in zip(axes, PRELOADS, strict=True):
         table = solved(grid, preload)
-        image = panel.imshow(table, cmap="RdYlGn", vmin=0.0, vmax=100.0, aspect="auto")
+        image = panel.imshow(table, cmap="cividis", vmin=0.0, vmax=100.0, aspect="auto")
         for i, j in np.ndindex(*table.shape):
             if np.isfinite(table[i, j]):
-                dark = abs(table[i, j] - 50.0) > 35.0
-                colour = "white" if dark else "black"
+                colour = "black" if table[i, j] > 50.0 else "white"
                 panel.text(j, i, f"{table[i, j]:.0f}", ha="center", va="center", fontsize=8, color=colour)
         panel.set_xticks(range(len(RATIOS)), [f"$10^{{{np.log10(ratio):.0f}}}$" for ratio in RATIOS])
         panel.set_yticks(range(len(METHODS)), [method.replace("_", " ") for method in METHODS])
