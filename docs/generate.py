@@ -9,7 +9,6 @@ import sys
 from pathlib import Path
 
 import api_reference
-import constants_reference
 import strategies_reference
 
 from attrito.job import reference as job_reference
@@ -19,7 +18,6 @@ BEGIN, END = "<!-- made by script/reference", "<!-- end of what is made -->"
 MADE = {
     "job.md": job_reference.as_markdown,
     "python.md": api_reference.as_markdown,
-    "constants.md": constants_reference.as_markdown,
     "method.md": strategies_reference.as_markdown,
 }
 

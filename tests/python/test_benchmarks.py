@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import subprocess
 import sys
@@ -10,8 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import ablation
-import constants
-import constants_library
 import contact_harmonics
 import evidence
 import joints
@@ -21,7 +18,6 @@ import pairing
 import pytest
 import scenes
 import unlike_plates
-from constants_reference import constants_of
 from jobs import TIMEOUT
 
 from attrito.job.reading import read_job
@@ -91,60 +87,6 @@ def test_contacts_with_equal_forces_need_equal_series_and_one_that_hardly_slips_
     # e = 0.1: 0.0153 with the first harmonic, 0.0053 without, against 0.0105.
     force[2] *= 10.0
     assert contact_harmonics.needed(force, 0).tolist() == [8, 8, 1]
-
-
-STEPS = """module steps
-  use, intrinsic :: iso_c_binding, only: wp => c_double, c_int
-  implicit none
-  private
-  public :: total
-
-  !> Steps, of a guess
-  real(wp), parameter :: first = 0.5_wp, more(2) = [1.0_wp, 2.0_wp] ! guess
-  integer, parameter :: most = 3 ! guess
-
-contains
-
-  real(wp) function total() bind(c)
-    !> How often
-    real(wp), parameter :: weight = 10.0_wp ! guess
-    total = weight*first + sum(more)*most
-  end function total
-end module steps
-"""
-
-
-def test_guesses_of_an_instrumented_source_are_variables_that_are_halved_and_doubled(tmp_path):
-    source = tmp_path / "steps.f90"
-    source.write_text(STEPS)
-    guesses = constants_of(source, "steps.f90")
-    assert [one.name for one in guesses] == ["first", "more", "most", "weight"]
-    source.write_text(constants_library.instrumented(STEPS, guesses))
-    shared = tmp_path / "libsteps.so"
-    subprocess.run(["gfortran", "-shared", "-fPIC", "-o", shared, source], cwd=tmp_path, check=True)
-    library = ctypes.CDLL(str(shared))
-    library.total.restype = ctypes.c_double
-    assert library.total() == 10.0 * 0.5 + 3.0 * 3
-    first, more, most, weight = guesses
-    constants_library.vary(library, weight, 2.0)
-    constants_library.vary(library, more, 2.0)
-    assert library.total() == 20.0 * 0.5 + 6.0 * 3
-    # Half of three is one and a half, and whole numbers stay whole and at least 1.
-    constants_library.vary(library, most, 0.5)
-    constants_library.vary(library, first, 0.5)
-    assert library.total() == 20.0 * 0.25 + 6.0
-    constants_library.vary(library, most, 0.5)
-    assert library.total() == 20.0 * 0.25 + 6.0
-
-
-def test_a_variant_is_charged_with_points_that_are_lost_or_move_beyond_their_estimates():
-    constant = constants.Constant("peak/curve.f90", "step", "0.04_wp", True, 0, "guess", "a step")
-    solved, moved = (constants.Solution("converged", amplitude, 1e-3, 10.0) for amplitude in (1.0, 1.1))
-    unsolved = constants.Solution("not_converged", float("nan"), float("nan"), 30.0)
-    same = constants.compare(constant, "2", "peak", {0: [solved, solved]}, {0: [solved, solved]})
-    assert (same.points, same.lost, same.gained, same.moved, same.work, same.same) == (2, 0, 0, 0, 1.0, 1)
-    worse = constants.compare(constant, "2", "peak", {0: [solved, solved], 1: [solved]}, {0: [moved, unsolved]})
-    assert (worse.points, worse.lost, worse.gained, worse.moved, worse.work, worse.same) == (2, 2, 0, 1, 3.0, 0)
 
 
 def test_the_sweep_of_a_block_solves_points():
