@@ -16,6 +16,7 @@ import kills
 import numpy as np
 import pairing
 import pytest
+import record
 import scenes
 import unlike_plates
 from jobs import TIMEOUT
@@ -319,3 +320,13 @@ def test_contact_forces_of_a_joint_balance_its_bolts_at_rest(tmp_path):
     force = joints.draw(7, 42)[0].bolts[1][1]
     assert row["balance"] < 1e-6
     assert row["normal"] == pytest.approx(force, rel=1e-6)
+
+
+def test_a_replay_says_what_moved():
+    kept = {"points/work": np.array([1.0, 2.0]), "points/x": np.array([1.0, np.nan]), "points/branch": np.array([0, 1])}
+    assert record.compare(kept, {name: values.copy() for name, values in kept.items()}) == ""
+    moved = kept | {"points/x": np.array([1.0 + 1e-9, np.nan]), "points/work": np.array([1.0, 4.0])}
+    assert record.compare(kept, moved) == "2 of 3 datasets differ; by up to 5.0e-01 (points/work); work times 2.0000"
+    longer = kept | {"points/branch": np.array([0, 1, 1])}
+    assert "sizes of 1, as points/branch (2,) -> (3,)" in record.compare(kept, longer)
+    assert "inf" in record.compare(kept, kept | {"points/x": np.array([1.0, 2.0])})
