@@ -326,7 +326,7 @@ def test_a_replay_says_what_moved():
     kept = {"points/work": np.array([1.0, 2.0]), "points/x": np.array([1.0, np.nan]), "points/branch": np.array([0, 1])}
     assert record.compare(kept, {name: values.copy() for name, values in kept.items()}) == ""
     moved = kept | {"points/x": np.array([1.0 + 1e-9, np.nan]), "points/work": np.array([1.0, 4.0])}
-    assert record.compare(kept, moved) == "2 of 3 datasets differ; by up to 5.0e-01 (points/work); work times 2.0000"
+    assert record.compare(kept, moved) == "2 of 3 datasets differ; by up to 1.0e+00 (points/work); work times 2.0000"
     longer = kept | {"points/branch": np.array([0, 1, 1])}
     assert "sizes of 1, as points/branch (2,) -> (3,)" in record.compare(kept, longer)
     assert "inf" in record.compare(kept, kept | {"points/x": np.array([1.0, 2.0])})
