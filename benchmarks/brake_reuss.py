@@ -1,6 +1,6 @@
 """The Brake-Reuss beam: backbone of its first mode by both methods, beside a published one.
 
-    .venv/bin/python benchmarks/brake_reuss.py FOLDER --work out/brb --picture docs/brake_reuss.png > brb.md
+    .venv/bin/python benchmarks/brake_reuss.py FOLDER --work out/brb --picture docs/pictures/brake_reuss.png > brb.md
 
 FOLDER holds `stiffness.npz`, `mass.npz`, `rows.dof`, `mesh.inp`, `bolts.npy`, the job `brb.toml` and the published
 points `backbone_reference.csv` (Balaji, Dreher, Krack & Brake 2021, doi:10.1016/j.ymssp.2020.107249: quasi-static modal

@@ -1,6 +1,7 @@
 """The Brake-Reuss beam: stiffnesses and friction of its joint from backbones, attrito's own and a published one.
 
-    .venv/bin/python benchmarks/brake_reuss_fit.py FOLDER --work out/brb --picture docs/brake_reuss_fit.png > fit.json
+    .venv/bin/python benchmarks/brake_reuss_fit.py FOLDER --work out/brb \
+        --picture docs/pictures/brake_reuss_fit.png > fit.json
 
 FOLDER and `--work` are those of `brake_reuss.py`. A fit takes some dozens of backbones, so neighbouring pairs are
 merged into patches of at most `--size`, closed and open ones at rest apart: a patch moves by the mean of its pairs,
@@ -11,7 +12,7 @@ and its lowest modes, which is exact for static loads.
 on frequency and damping, from other values than the truth.
 
 *Published backbone*, above the amplitude `--lowest` and below Q = 1e-2: frequency over that at low amplitude, and 2 pi
-times the damping ratio, which is Masing's rule on the first loading (docs/modes.md). The first loading is that of
+times the damping ratio, which is Masing's rule on the first loading (docs/how-to/modes.md). The first loading is by
 `first_loading.py`, by dense algebra a hundred times quicker than cycles that close. `--whole N` then takes N steps of
 Newton's method by residuals of the first loading of all pairs, with the patches' Jacobian, and ends with all pairs.
 """

@@ -1,6 +1,6 @@
 """Branches that coexist: a block shaken upright that stays down, or bounces at the same force and frequency.
 
-    .venv/bin/python benchmarks/branches.py --picture docs/branches.png > branches.json
+    .venv/bin/python benchmarks/branches.py --picture docs/pictures/branches.png > branches.json
 
 Sweeps up and down at one force, and integration in time along both: each frequency from the steady motion at the one
 before. A sweep follows its first branch past its fold to where it is lost, and goes on beyond all that it has come to.

@@ -1,6 +1,6 @@
 """Patch test of contact on faces: a uniform stress across meshes that do not match.
 
-    python benchmarks/patch_test.py [--levels 3] [--picture docs/patch_test.png]
+    python benchmarks/patch_test.py [--levels 3] [--picture docs/pictures/patch_test.png]
 
 Two elastic blocks lie on each other, flat, or as two quarter shells. A uniform stress sigma has the displacement
 u = eps x in both, and the contacts carry its traction, sigma n. Contacts are springs about that state,

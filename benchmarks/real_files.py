@@ -6,7 +6,7 @@
 `real_files.toml` lists the files by repository and commit; none of them is kept here. `--clones`: where the
 repositories are (`owner+name/repo` or `owner+name`, any git directory), or are cloned to. A file is read whole and
 every entry is the same (to the digits of single precision, which some independent readers have for some files), or it
-is refused: then the line is what the user sees. Prints the tables of docs/other-projects.md.
+is refused: then the line is what the user sees. Prints the tables of docs/evidence/other-projects.md.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Forced resonance peaks beside what the nonlinear mode predicts of them: the lap joint and the demo blade.
 
-    .venv/bin/python benchmarks/resonances.py [lap_joint blade] [--picture docs/resonances.png]
+    .venv/bin/python benchmarks/resonances.py [lap_joint blade] [--picture docs/pictures/resonances.png]
 
 The jobs `input/<scene>.toml`, whose models must be there, are given tables `[peak]` and `[mode]`. `attrito peak`
 follows the forced peak in the level of the load, `attrito mode` the tangent mode nearest to it by the extended periodic
@@ -9,10 +9,11 @@ quadrature with the monitor's first harmonic a_1 does the work pi F a_1 a period
 
     F = 2 omega^2 zeta sum_h h^2 q_h^H M q_h / a_1,    zeta = xi/(2 omega), contacts and structure together,
 
-keeps the mode up (docs/modes.md): the level at which it predicts a peak of its frequency and amplitude, interpolated in
-log F. A line a peak: level, both frequencies and amplitudes, their relative differences, the damping ratio of the mode
-there, how far the monitor's mean has moved since the first peak, part of its amplitude, and slipping contacts. `worst`
-is of the peaks at which damping is below DAMPED and the mean has moved by less than STILL. JSON on standard output.
+keeps the mode up (docs/how-to/modes.md): the level at which it predicts a peak of its frequency and amplitude,
+interpolated in log F. A line a peak: level, both frequencies and amplitudes, their relative differences, the damping
+ratio of the mode there, how far the monitor's mean has moved since the first peak, part of its amplitude, and slipping
+contacts. `worst` is of the peaks at which damping is below DAMPED and the mean has moved by less than STILL. JSON on
+standard output.
 """
 
 from __future__ import annotations

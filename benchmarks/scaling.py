@@ -1,6 +1,6 @@
 """Cost of an ordinary point of the hexahedral block against contacts, slipping contacts, harmonics and modes.
 
-    .venv/bin/python benchmarks/scaling.py --picture docs/scaling.png > scaling.json
+    .venv/bin/python benchmarks/scaling.py --picture docs/pictures/scaling.png > scaling.json
     .venv/bin/python benchmarks/scaling.py --contacts 30 50 --slipping 3 6 --harmonics 1 3 --modes 40 60 --base 30
 
 A point is ordinary when it is reached from the one before, a fifth of a per cent away in frequency, to and fro at 0.9

@@ -59,7 +59,7 @@ def make(seed: int, number: int) -> Case:
     """The scene of a seed and a number."""
     random = np.random.default_rng([seed, number, 1])
     look = str(random.choice(list(LOOKS), p=list(LOOKS.values())))
-    # Drawn and not used: a seed keeps the scenes that docs/sensitivity.md has measured.
+    # Drawn and not used: a seed keeps the scenes that docs/how-to/sensitivity.md has measured.
     random.random()
     if random.random() < SECTORS:
         return sector(random, "peak" if look == "mode" else look)

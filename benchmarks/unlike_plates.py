@@ -1,6 +1,6 @@
 """The lap joint with matching and with unlike meshes: peak and its frequency under refinement.
 
-    .venv/bin/python benchmarks/unlike_plates.py --picture docs/unlike_plates.png [--folder out/unlike_plates]
+    .venv/bin/python benchmarks/unlike_plates.py --picture docs/pictures/unlike_plates.png [--folder out/unlike_plates]
     .venv/bin/python benchmarks/unlike_plates.py --cases 1.4-1.7-gauss 0.7-1-pair --band 136 138
 
 `meshes/lap_joint.py` makes the plates, node on node or meshed 1 : 1.7; `input/lap_joint.toml` is swept about its peak,

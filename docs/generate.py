@@ -16,9 +16,9 @@ from attrito.job import reference as job_reference
 DOCS = Path(__file__).resolve().parent
 BEGIN, END = "<!-- made by script/reference", "<!-- end of what is made -->"
 MADE = {
-    "job.md": job_reference.as_markdown,
-    "python.md": api_reference.as_markdown,
-    "method.md": strategies_reference.as_markdown,
+    "reference/job.md": job_reference.as_markdown,
+    "reference/python.md": api_reference.as_markdown,
+    "explanation/strategies.md": strategies_reference.as_markdown,
 }
 
 

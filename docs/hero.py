@@ -37,4 +37,4 @@ def hero(result: Result) -> Figure:
 
 if __name__ == "__main__":
     with Result(DOCS.parent / "out" / "blade" / "result.h5") as result:
-        save(hero(result), DOCS / "hero.png", dpi=150)
+        save(hero(result), DOCS / "pictures" / "hero.png", dpi=150)

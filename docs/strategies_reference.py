@@ -1,4 +1,4 @@
-"""The table of fallback strategies as the library tries them, for method.md."""
+"""The table of fallback strategies as the library tries them, for explanation/strategies.md."""
 
 from __future__ import annotations
 

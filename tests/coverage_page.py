@@ -1,4 +1,4 @@
-"""docs/coverage.md, which `script/coverage` writes: lines that tests run, by folder, from gcovr and coverage.py."""
+"""docs/evidence/coverage.md, which `script/coverage` writes: lines that tests run, from gcovr and coverage.py."""
 
 from __future__ import annotations
 

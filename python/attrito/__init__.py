@@ -6,7 +6,7 @@
     result.monitors["tip"].amplitude                      # an array that knows its unit
     with attrito.open("result.h5") as result: ...
 
-docs/python.md describes each.
+docs/reference/python.md describes each.
 """
 
 from __future__ import annotations

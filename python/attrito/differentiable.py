@@ -3,7 +3,7 @@
     function = attrito.jax_function("job.toml", ["contact[0].friction_coefficient", "level"], "tip_amplitude")
     jax.grad(lambda values: function(values).max())(jax.numpy.array([0.4, 2.0]))
 
-Every call runs the job; derivatives are those of `[sensitivity]` (docs/sensitivity.md).
+Every call runs the job; derivatives are those of `[sensitivity]` (docs/how-to/sensitivity.md).
 """
 
 from __future__ import annotations

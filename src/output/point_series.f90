@@ -1,4 +1,4 @@
-!> What `result.h5` holds of a point, series by series; the layout is in docs/files.md. Each rank has its own contacts, and the
+!> What `result.h5` holds of a point, series by series; the layout is in docs/reference/files.md. Each rank has its own contacts, and the
 !> root, to whom they are gathered, hands them to its listener.
 module attrito_output_point_series
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan

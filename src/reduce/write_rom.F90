@@ -1,4 +1,4 @@
-!> rom.h5, the reduced model (docs/files.md).
+!> rom.h5, the reduced model (docs/reference/files.md).
 module attrito_reduce_write_rom
   use, intrinsic :: iso_fortran_env, only: int64, int8
   use attrito_core_errors, only: error_type

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # A package of Debian and a wheel of attrito, tried on a bare Debian 12 (script/package --try): bare.sh attrito_*.deb attrito-*.whl
-# As root. Installed there are the package with its dependencies alone, CalculiX for the strip of docs/first-run.md, and a shell's completion.
+# As root. Installed there are the package with its dependencies alone, CalculiX for the strip of docs/tutorials/first-run.md, and a shell's completion.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
 package=$(realpath "$1") wheel=$(realpath "$2")

@@ -1,4 +1,4 @@
-# The strip of docs/first-run.md, from the deck to the pictures.
+# The strip of docs/tutorials/first-run.md, from the deck to the pictures.
 set -euo pipefail
 cd ~
 attrito --version

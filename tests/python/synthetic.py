@@ -134,7 +134,7 @@ def write_result(
     coordinates: np.ndarray | None = None,
     **points: Sequence,
 ) -> Path:
-    """A `result.h5` by the schema of docs/files.md.
+    """A `result.h5` by the schema of docs/reference/files.md.
 
     `monitors` gives amplitudes; means are a tenth of them, bounds NaN unless `points` carries `<name>_low`, `_high`.
     `points` overrides `level`, `branch`, `outcome` (names), `unique`, `stable`, `period`, `iterations`, `estimate`.

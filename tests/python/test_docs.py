@@ -119,19 +119,19 @@ def test_an_optimum_suits_its_job(path):
 
 @pytest.mark.parametrize("path", INPUTS, ids=lambda path: path.name)
 def test_every_input_has_a_page_that_tells_of_it(path):
-    jobs = (ROOT / "docs" / "jobs.md").read_text()
+    jobs = (ROOT / "docs" / "tutorials" / "index.md").read_text()
     row = next((line for line in jobs.splitlines() if line.startswith(f"| `{path.name}`")), "")
-    pages = "tutorial-[a-z-]+|first-run|accuracy|peaks|modes|fits|optima|where-methods-fail"
+    pages = r"[a-z-]+|\.\./(how-to|evidence|explanation)/[a-z-]+"
     assert re.search(rf"\]\(({pages})\.md(#[a-z-]+)?\)", row), path.name
 
 
 def test_pages_build_with_equations_contents_and_a_search_that_finds_their_words(tmp_path):
     build_pages.build(tmp_path / "site", tmp_path / "source")
     home = (tmp_path / "site" / "index.html").read_text()
-    theory = (tmp_path / "site" / "docs" / "theory.html").read_text()
+    theory = (tmp_path / "site" / "docs" / "explanation" / "theory.html").read_text()
     assert '<p role="img"' in theory and "$$" not in theory
     # On a phone a row of many columns is a list, whose lines have the headings of the columns.
-    assert '<td data-heading="default">' in (tmp_path / "site" / "docs" / "job.html").read_text()
+    assert '<td data-heading="default">' in (tmp_path / "site" / "docs" / "reference" / "job.html").read_text()
     # The index of the search is a script, so that it works without a server.
     index = (tmp_path / "site" / "search" / "search_index.js").read_text()
     for page in PAGES:
@@ -148,14 +148,11 @@ def test_pages_build_with_equations_contents_and_a_search_that_finds_their_words
     assert [found for page in pages for found in re.findall(loaded, page)] == []
 
 
-@pytest.mark.parametrize("link", ["nowhere.md", "job.md#nowhere"])
-def test_a_link_that_leads_nowhere_is_an_error(tmp_path, monkeypatch, link):
-    (tmp_path / "source" / "docs").mkdir(parents=True)
-    for page in (ROOT / "docs").glob("*.md"):
-        text = page.read_text() + (f"\n[see]({link})\n" if page.name == "jobs.md" else "")
-        (tmp_path / "source" / "docs" / page.name).write_text(text)
-    for picture in (*(ROOT / "docs").glob("*.png"), *(ROOT / "docs").glob("*.svg")):
-        (tmp_path / "source" / "docs" / picture.name).symlink_to(picture)
+@pytest.mark.parametrize("link", ["nowhere.md", "reference/job.md#nowhere"])
+def test_a_link_that_leads_nowhere_is_an_error(tmp_path, link):
+    shutil.copytree(ROOT / "docs", tmp_path / "source" / "docs")
+    with (tmp_path / "source" / "docs" / "gallery.md").open("a") as page:
+        page.write(f"\n[see]({link})\n")
     with pytest.raises(Abort):
         build_pages.build(tmp_path / "site", tmp_path / "source")
 
@@ -188,15 +185,23 @@ def test_commands_of_a_page_are_commands_of_the_program(page):
 
 def test_every_page_is_in_the_index():
     index = (ROOT / "docs" / "index.md").read_text()
-    pages = {page.name for page in (ROOT / "docs").glob("*.md")} - {"index.md"}
+    pages = {str(page.relative_to(ROOT / "docs")) for page in (ROOT / "docs").rglob("*.md")} - {"index.md"}
     assert sorted(page for page in pages if f"]({page})" not in index) == []
+
+
+def test_addresses_of_earlier_releases_lead_to_where_their_pages_are(tmp_path):
+    build_pages.redirect(tmp_path)
+    assert 'url=explanation/condensation.html"' in (tmp_path / "docs" / "method.html").read_text()
+    assert [new for new in build_pages.MOVED.values() if not (ROOT / "docs" / f"{new}.md").is_file()] == []
 
 
 def test_messages_that_are_explained_are_messages_of_the_program():
     sources = [*(ROOT / "python").rglob("*.py"), *(ROOT / "src").rglob("*.?90")]
     # Texts that go on in the next line of the source are one.
     said = re.sub(r"[\"']\s*\n\s*(f?[\"']|//\s*&?\s*)", "", "\n".join(source.read_text() for source in sources))
-    rows = re.findall(r"^\| (`.*?`)[^|`]* \|", (ROOT / "docs" / "troubleshooting.md").read_text(), flags=re.MULTILINE)
+    rows = re.findall(
+        r"^\| (`.*?`)[^|`]* \|", (ROOT / "docs" / "reference" / "messages.md").read_text(), flags=re.MULTILINE
+    )
     assert len(rows) > 15
     columns = ("unique", "stable")
     unknown = [row for row in rows if row.strip("`") not in said and row.strip("`") not in columns]
@@ -225,8 +230,8 @@ def test_a_script_runs_and_says_something(script, tmp_path, capfd):
 
 
 def test_the_first_run_s_own_model_gives_the_numbers_that_it_tells(tmp_path):
-    """The commands of docs/first-run.md on input/strip.inp, in a copy of the folders they need."""
-    text = (ROOT / "docs" / "first-run.md").read_text()
+    """The commands of docs/tutorials/first-run.md on input/strip.inp, in a copy of the folders they need."""
+    text = (ROOT / "docs" / "tutorials" / "first-run.md").read_text()
     blocks = re.findall(r"```\n(.*?)```", text[text.index("## 2.") :], flags=re.DOTALL)
     commands = "\n".join(block for block in blocks if re.match(r"mkdir|attrito", block))
     shutil.copytree(ROOT / "input", tmp_path / "input")
@@ -253,10 +258,14 @@ def test_the_first_run_s_own_model_gives_the_numbers_that_it_tells(tmp_path):
 
 
 def test_names_in_the_glossary_exist_in_the_code_and_its_files():
-    sources = [*(ROOT / "src").rglob("*.?90"), ROOT / "docs/job.md", ROOT / "docs/files.md"]
+    sources = [*(ROOT / "src").rglob("*.?90"), ROOT / "docs/reference/job.md", ROOT / "docs/reference/files.md"]
     words = set(re.findall(r"\w+", " ".join(source.read_text() for source in sources)))
     words |= {source.stem for source in sources}
-    rows = [line.split(" | ") for line in (ROOT / "docs/glossary.md").read_text().splitlines() if line.startswith("| ")]
+    rows = [
+        line.split(" | ")
+        for line in (ROOT / "docs/reference/glossary.md").read_text().splitlines()
+        if line.startswith("| ")
+    ]
     named = [name for row in rows if len(row) > 2 for name in re.findall(r"`([^`]+)`", row[-1])]
     assert len(named) > 40
     for name in named:
@@ -282,7 +291,7 @@ def test_the_table_of_fallback_strategies_has_all_of_them_in_their_order_and_who
     room = int(re.search(r"character\((\d+)\) :: path", (ROOT / "src/solve/strategy_table.f90").read_text())[1])
     for name, *words in rows:
         assert len(words) == 4 and all(0 < len(cell) < room for cell in words), name
-        assert f"| `{name}` | {' | '.join(words)} |" in (ROOT / "docs/method.md").read_text()
+        assert f"| `{name}` | {' | '.join(words)} |" in (ROOT / "docs/explanation/strategies.md").read_text()
 
 
 def test_the_first_screens_fit_and_their_python_runs(tmp_path):

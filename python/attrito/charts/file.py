@@ -142,7 +142,9 @@ def write(chart: Chart, path: str, job: str) -> None:
     """`chart.h5`: a dataset a column, an entry a way."""
     with whole_hdf5(path) as file:
         file.attrs["format"], file.attrs["attrito_version"], file.attrs["job_file"] = FORMAT, __version__, job
-        file.attrs["description"] = "error against cost of the ways to solve a scene; see docs/accuracy.md of attrito"
+        file.attrs["description"] = (
+            "error against cost of the ways to solve a scene; see docs/evidence/accuracy.md of attrito"
+        )
         for name, value in chart.places.items():
             file.attrs[name] = value
         file.attrs["reference_harmonics"] = chart.reference.harmonics

@@ -28,7 +28,7 @@ def write_fit(fit: Fit, jobs: list[Job], found: Found) -> None:
     with whole_hdf5(fit.file) as file:
         file.attrs["format"], file.attrs["format_version"] = FORMAT, 1
         file.attrs["attrito_version"] = __version__
-        file.attrs["description"] = "Parameters of a job from measurements; see docs/fits.md of attrito"
+        file.attrs["description"] = "Parameters of a job from measurements; see docs/how-to/fits.md of attrito"
         file.attrs.update(jobs[0].attributes)
         file.attrs["fit"] = json.dumps(fit.as_table(), default=str)
         file.attrs["warnings"] = "\n".join(found.warnings())

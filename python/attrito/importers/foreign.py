@@ -19,18 +19,20 @@ class Foreign(NamedTuple):
 HDF5, ZIP, NETCDF = b"\x89HDF", b"PK\x03\x04", b"CDF"
 _UNPACKED = "the file that is packed in it: unpack it first"
 _MESHED = "a mesh of solid elements: mesh the geometry first, as with gmsh"
-_ANSYS_MATRIX = "its matrices as text: HBMAT, or *SMAT and *EXPORT (docs/models.md)"
+_ANSYS_MATRIX = "its matrices as text: HBMAT, or *SMAT and *EXPORT (docs/how-to/import.md)"
 _ANSYS_FILES = {2: ".emat", 3: ".esav", 4: ".full", 8: ".sub", 9: ".mode", 12: ".rst"}
 # A mark is where a file begins, or a pattern of its first bytes.
 _KINDS = {
     rb".{0,64}NASTRAN FORT TAPE ID CODE": Foreign(
-        "Nastran's OUTPUT2 (.op2)", "the bulk data (.bdf)", "matrices as DMIG (.pch) or OUTPUT4 (docs/models.md)"
+        "Nastran's OUTPUT2 (.op2)", "the bulk data (.bdf)", "matrices as DMIG (.pch) or OUTPUT4 (docs/how-to/import.md)"
     ),
     rb"\s*-1[ \t]*\r?\n\s*\d+[ \t]*\r?\n": Foreign(
         "a universal file (.unv)", "a deck (.inp), bulk data (.bdf) or MED (.med)", "Matrix Market or MATLAB"
     ),
-    rb"[ \t]+1C": Foreign("results of CalculiX (.frd)", "the deck (.inp)", "the job: --calculix (docs/models.md)"),
-    rb"HKSRD0": Foreign("Abaqus's database (.odb)", "the deck (.inp)", "*MATRIX OUTPUT's .mtx (docs/models.md)"),
+    rb"[ \t]+1C": Foreign(
+        "results of CalculiX (.frd)", "the deck (.inp)", "the job: --calculix (docs/how-to/import.md)"
+    ),
+    rb"HKSRD0": Foreign("Abaqus's database (.odb)", "the deck (.inp)", "*MATRIX OUTPUT's .mtx (docs/how-to/import.md)"),
     rb"ISO-10303-21": Foreign("geometry in STEP", _MESHED, "a matrix file"),
     rb"solid\b[^\n]*\n\s*(facet|endsolid)\b": Foreign("a surface in STL", _MESHED, "a matrix file"),
     rb"version https://git-lfs": Foreign("a pointer of Git LFS", "the file itself: git lfs pull", "git lfs pull"),

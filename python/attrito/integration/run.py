@@ -246,7 +246,7 @@ def write(
             file.attrs["format_version"] = 1
             file.attrs["attrito_version"] = __version__
             file.attrs["description"] = (
-                "Time integration of a structure with friction contacts; see docs/files.md of attrito"
+                "Time integration of a structure with friction contacts; see docs/reference/files.md of attrito"
             )
             file.attrs["references"] = REFERENCES
             file.attrs.update(job.attributes)

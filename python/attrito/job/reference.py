@@ -1,4 +1,4 @@
-"""The keys of the job file in words, for docs/job.md and `attrito keys`, out of `schema.py` alone."""
+"""The keys of the job file in words, for docs/reference/job.md and `attrito keys`, out of `schema.py` alone."""
 
 from __future__ import annotations
 
@@ -20,16 +20,20 @@ PURPOSES = {
     "contact": "A contact between dofs. At least one `[[contact]]` or `[[contact_set]]`.",
     "contact_set": "Contacts between two node sets, nodes on nodes or on faces, or between one and the ground.",
     "load": "At least one of kind `harmonic`.",
-    "cyclic": "The model is one of N equal sectors, under a wave travelling round the wheel ([cyclic.md](cyclic.md)).",
+    "cyclic": "The model is one of N equal sectors, under a wave travelling round the wheel"
+    " ([One sector of a wheel](../how-to/cyclic.md)).",
     "static": "How the static loads are applied, and which bounds are found for points that are not unique.",
     "balance": "The harmonic balance.",
     "sweep": "Required: `start_hz` and `stop_hz`, or `frequencies_hz`.",
     "continuation": "How a sweep is followed.",
-    "peak": "For `attrito peak`: a resonance peak followed in a parameter ([peaks.md](peaks.md)).",
-    "mode": "For `attrito mode`: a nonlinear mode followed in its amplitude ([modes.md](modes.md#nonlinear-modes)).",
-    "campbell": "For `attrito campbell`: tangent modes against the speed ([modes.md](modes.md#campbell-diagram)).",
+    "peak": "For `attrito peak`: a resonance peak followed in a parameter"
+    " ([The peak without the sweep](../how-to/peaks.md)).",
+    "mode": "For `attrito mode`: a nonlinear mode followed in its amplitude"
+    " ([Nonlinear modes](../how-to/modes.md#nonlinear-modes)).",
+    "campbell": "For `attrito campbell`: tangent modes against the speed"
+    " ([Campbell diagram](../how-to/modes.md#campbell-diagram)).",
     "stability": "Floquet multipliers of the points.",
-    "sensitivity": "Derivatives of each point by parameters of the job ([sensitivity.md](sensitivity.md)).",
+    "sensitivity": "Derivatives of each point by parameters of the job ([Sensitivities](../how-to/sensitivity.md)).",
     "integrate": "For `attrito integrate`; the group `/integration` goes into the output file.",
     "output": "Required.",
 }
@@ -60,7 +64,7 @@ def toml_value(value: Any) -> str:
 
 
 def as_markdown() -> str:
-    """The reference for docs/job.md: a heading and a table of keys for each table."""
+    """The reference for docs/reference/job.md: a heading and a table of keys for each table."""
     parts = []
     for name, keys in tables().items():
         rows = [f"### {heading(name)}", PURPOSES[name], "", HEADINGS, "|---|---|---|---|---|"]

@@ -1,6 +1,6 @@
 """What a job file may hold: its tables, their keys, what each key takes, what it is when absent, and what it means.
 
-`docs/job.md` and `attrito keys` are made from these tables (`reference.py`).
+`docs/reference/job.md` and `attrito keys` are made from these tables (`reference.py`).
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ LAW = {
         choice(*LAWS),
         LAWS[0],
         "`\"pressure\"`: mu depends on the pressure N/A, A a pair's tributary area or a contact's `area`;"
-        ' `"iwan"`: sliders in parallel, F_S = mu N and K_T = kt ([method.md](method.md#contact-laws))',
+        ' `"iwan"`: sliders in parallel, F_S = mu N and K_T = kt'
+        " ([Contact laws](../explanation/contacts.md#contact-laws))",
     ),
     "chi": Key(
         number(-1, 0, above=True, below=True),
@@ -66,7 +67,9 @@ TABLES: dict[str, dict[str, Key]] = {
     "model": {
         "file": Key(text, None, "`model.h5` of `attrito import`; or, instead, the matrices:"),
         "mass": Key(
-            matrix, None, 'any file that [models.md](models.md) lists (`"job.pch:MAAX"`: one of several), or rows'
+            matrix,
+            None,
+            'any file that [Bring your model](../how-to/import.md) lists (`"job.pch:MAAX"`: one of several), or rows',
         ),
         "stiffness": Key(matrix, None, "likewise"),
         "damping": Key(matrix, None, "likewise, viscous; may be left out"),
@@ -74,7 +77,7 @@ TABLES: dict[str, dict[str, Key]] = {
             matrix,
             None,
             "likewise, of the Coriolis forces in axes that turn, G of M q'' + (C + G) q' + K q = f, skew, at the job's"
-            " speed of rotation ([cyclic.md](cyclic.md#coriolis-forces)); may be left out",
+            " speed of rotation ([Coriolis forces](../how-to/cyclic.md#coriolis-forces)); may be left out",
         ),
         "gyroscopic_hz": Key(
             frequency(), None, "with `gyroscopic`: the speed that it is of, which `attrito campbell` needs"
@@ -84,7 +87,7 @@ TABLES: dict[str, dict[str, Key]] = {
             None,
             "of a structure that floats, as one measured free-free: it hangs in springs on which it moves rigidly"
             " at this frequency, (2 pi f)^2 M beside K; far below its first elastic mode"
-            " ([models.md](models.md#structures-that-float))",
+            " ([Structures that float](../how-to/import.md#structures-that-float))",
         ),
         "units": Key(
             unit_set,
@@ -100,7 +103,7 @@ TABLES: dict[str, dict[str, Key]] = {
             None,
             "damping ratio of every mode of the system with all contacts stuck; or a list, one of each, ascending in"
             " frequency, the last of all others. Below 0: a flow feeds the mode, `attrito mode` alone"
-            " ([modes.md](modes.md#limit-cycles))",
+            " ([Limit cycles](../how-to/modes.md#limit-cycles))",
         ),
         "loss_factor": Key(
             number(0, 1), None, "structural: K (1 + i eta) at harmonics above 0; contact springs do not damp"
@@ -110,7 +113,7 @@ TABLES: dict[str, dict[str, Key]] = {
         "modes": Key(
             either(integer(0), choice("auto")),
             None,
-            '[fixed-interface modes](method.md#reduction) to keep; `"auto"`: as many as `error` asks for',
+            '[fixed-interface modes](../explanation/reduction.md) to keep; `"auto"`: as many as `error` asks for',
         ),
         "max_frequency_hz": Key(frequency(), None, "instead of `modes`: keep those up to here"),
         "error": Key(
@@ -123,10 +126,12 @@ TABLES: dict[str, dict[str, Key]] = {
             choice(*EIGENSOLVERS),
             EIGENSOLVERS[0],
             "of the fixed-interface modes: SLEPc's Krylov-Schur method, or block Lanczos, quicker on large models"
-            " ([performance.md](performance.md)). Both give the same modes: `rom.h5` of one serves the other",
+            " ([Performance](../evidence/performance.md)). Both give the same modes: `rom.h5` of one serves the other",
         ),
         "ordering": Key(
-            choice(*ORDERINGS), ORDERINGS[0], "of the rows for the factorisation ([performance.md](performance.md))"
+            choice(*ORDERINGS),
+            ORDERINGS[0],
+            "of the rows for the factorisation ([Performance](../evidence/performance.md))",
         ),
         "out_of_core": Key(
             either(boolean, choice("auto")),
@@ -148,7 +153,7 @@ TABLES: dict[str, dict[str, Key]] = {
             None,
             "the reduced model, used again while matrices and what is asked stay the same, else replaced; absent:"
             " `rom.h5` beside the result or, where that is another, `rom.<8 digits>.h5`"
-            " ([files.md](files.md#several-jobs-in-a-folder))",
+            " ([Several jobs in a folder](files.md#several-jobs-in-a-folder))",
         ),
     },
     "cyclic": {
@@ -182,7 +187,7 @@ TABLES: dict[str, dict[str, Key]] = {
             [],
             "where boundaries are lists of dofs: of each node on the axis, which all sectors share, two dofs across it,"
             " the second a quarter turn ahead of the first, and one along it; or the two, or the one"
-            " ([cyclic.md](cyclic.md#nodes-on-the-axis))",
+            " ([Nodes on the axis](../how-to/cyclic.md#nodes-on-the-axis))",
         ),
         "axis_point": Key(listing(number(), 3, 3), None, "on the axis, of node sets"),
         "axis_direction": Key(
@@ -193,13 +198,13 @@ TABLES: dict[str, dict[str, Key]] = {
             "all",
             "with `[reduction]`: all dofs of the boundaries are kept, or as many modes of each nodal diameter span what"
             " they do, or as many as natural frequencies with the error of `[reduction]` ask for"
-            " ([cyclic.md](cyclic.md#boundaries))",
+            " ([Boundaries](../how-to/cyclic.md#boundaries))",
         ),
         "coriolis": Key(
             boolean,
             False,
             "Coriolis forces, at the speed of the centrifugal load, or those of `[model] gyroscopic`"
-            " ([cyclic.md](cyclic.md#coriolis-forces))",
+            " ([Coriolis forces](../how-to/cyclic.md#coriolis-forces))",
         ),
     },
     "static": {
@@ -218,7 +223,7 @@ TABLES: dict[str, dict[str, Key]] = {
             integer(1, 100_000),
             4,
             "increments from corner to corner at least; they are halved until their estimated error is 1e-6 of the"
-            " largest normal force ([method.md](method.md#the-static-load-path))",
+            " largest normal force ([The static load path](../explanation/continuation.md#the-static-load-path))",
         ),
         "bounds": Key(
             choice("auto", "sampled", "none"),
@@ -226,7 +231,7 @@ TABLES: dict[str, dict[str, Key]] = {
             "of points that are not unique: exact where they can be, else sampled at each level from the highest point"
             " down, within a tenth of the work of all points, counted and not timed (`not_examined` beyond it); the"
             ' highest point of each level always. `"sampled"`: of all points, whatever they cost; `"none"`: no bounds,'
-            " and no time spent on them ([method.md](method.md#points-that-are-not-unique))",
+            " and no time spent on them ([Points that are not unique](../explanation/uniqueness.md))",
         ),
     },
     "balance": {
@@ -240,7 +245,8 @@ TABLES: dict[str, dict[str, Key]] = {
             number(1e-8, 1),
             None,
             "relative error accepted in the monitors' amplitude: it chooses harmonics where they are not"
-            " given, and a point whose estimated error is larger is `above_tolerance` ([accuracy.md](accuracy.md))."
+            " given, and a point whose estimated error is larger is `above_tolerance`"
+            " ([Accuracy](../evidence/accuracy.md))."
             " Absent: 0.01 where harmonics are chosen; with fixed ones the error is estimated, not checked",
         ),
         "quadrature": Key(
@@ -281,7 +287,8 @@ TABLES: dict[str, dict[str, Key]] = {
             integer(1),
             1,
             "beyond 1, that many are looked for at each level: from both ends, beyond folds, out of motion in time, by"
-            " homotopy in the preload ([method.md](method.md#getting-from-point-to-point))",
+            " homotopy in the preload"
+            " ([Getting from point to point](../explanation/continuation.md#getting-from-point-to-point))",
         ),
         "start": Key(
             stored_point,
@@ -296,7 +303,7 @@ TABLES: dict[str, dict[str, Key]] = {
             0.01,
             "of the curve drawn through a sweep's points, the cubic between neighbours and their tangents: its distance"
             " from the branch, part of the largest amplitude so far; points are as dense as that needs"
-            " ([method.md](method.md#getting-from-point-to-point))",
+            " ([Getting from point to point](../explanation/continuation.md#getting-from-point-to-point))",
         ),
         "max_points": Key(
             integer(2),
@@ -307,7 +314,7 @@ TABLES: dict[str, dict[str, Key]] = {
             boolean,
             True,
             "find turning points along sweeps, and where multipliers cross the unit circle if stability is examined"
-            " ([method.md](method.md#stability))",
+            " ([Stability](../explanation/stability.md#stability))",
         ),
     },
     **COMMANDS,
@@ -323,7 +330,7 @@ ARRAYS: dict[str, dict[str, Key]] = {
             listing(term, 1),
             None,
             "the approach v of the two sides, closing positive; absent: the normal force is `preload` at all times"
-            " ([method.md](method.md#contact-laws))",
+            " ([Contact laws](../explanation/contacts.md#contact-laws))",
         ),
         "tangents": Key(
             listing(listing(term, 1), 1, 2), None, "the relative displacement u along one or two", required=True
@@ -354,7 +361,7 @@ ARRAYS: dict[str, dict[str, Key]] = {
             choice("node", "face"),
             "node",
             "nodes of a with nodes of b, or points of a with the faces of b, whose mesh need not match"
-            " ([method.md](method.md#contact-on-faces))",
+            " ([Contact on faces](../explanation/contacts.md#contact-on-faces))",
         ),
         "points": Key(
             choice("node", "gauss", "cut"),
@@ -414,7 +421,7 @@ ARRAYS: dict[str, dict[str, Key]] = {
             boolean,
             False,
             "centrifugal: Coriolis forces on a whole model; of a sector `[cyclic] coriolis`"
-            " ([cyclic.md](cyclic.md#coriolis-forces))",
+            " ([Coriolis forces](../how-to/cyclic.md#coriolis-forces))",
         ),
     },
 }

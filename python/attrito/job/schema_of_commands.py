@@ -51,7 +51,7 @@ COMMANDS: dict[str, dict[str, Key]] = {
             True,
             "at start, stop and values sweep the band coarsely for a higher peak than the one followed: at start the"
             " highest is begun at, later one of the same resonance is followed from there; studies take the highest"
-            " ([peaks.md](peaks.md#a-higher-peak))",
+            " ([A higher peak](../how-to/peaks.md#a-higher-peak))",
         ),
         "max_points": Key(integer(2), 1000, "of the curve"),
         "file": Key(text, None, "of peaks; absent: that of the output, ending `.peaks.h5`"),
@@ -68,7 +68,7 @@ COMMANDS: dict[str, dict[str, Key]] = {
             choice("epmc", "quasi_static"),
             "epmc",
             "extended periodic motion concept, or cycles of quasi-static loading"
-            " ([modes.md](modes.md#nonlinear-modes))",
+            " ([Nonlinear modes](../how-to/modes.md#nonlinear-modes))",
         ),
         "start": Key(
             number(0, above=True),
@@ -93,7 +93,8 @@ COMMANDS: dict[str, dict[str, Key]] = {
             matrix,
             None,
             "where the model's stiffness holds stress stiffening: the same structure's at rest, `model.h5` or a matrix;"
-            " their difference grows with the square of the speed ([modes.md](modes.md#campbell-diagram))",
+            " their difference grows with the square of the speed"
+            " ([Campbell diagram](../how-to/modes.md#campbell-diagram))",
         ),
         "stiffness_hz": Key(
             frequency(), None, "with it: speed of the model's stiffness; absent: that of `attrito import --spin-hz`"
@@ -104,7 +105,8 @@ COMMANDS: dict[str, dict[str, Key]] = {
         "method": Key(
             choice("none", "monodromy", "hill", "both"),
             "none",
-            "examine every point; `both` must agree. Coupled balance ([method.md](method.md#stability))",
+            "examine every point; `both` must agree. Coupled balance"
+            " ([Stability](../explanation/stability.md#stability))",
         ),
         "orbit": Key(
             choice("auto", "balance", "exact"),
@@ -119,7 +121,7 @@ COMMANDS: dict[str, dict[str, Key]] = {
             [],
             "parameters that amplitudes, means, peaks and modes are differentiated by: `contact[0].KEY`,"
             " `contact_set[0].KEY`, `[*]` for all, KEY a number of the contact's law; `load.NAME`; `damping.KEY`;"
-            " `level` ([sensitivity.md](sensitivity.md))",
+            " `level` ([Sensitivities](../how-to/sensitivity.md))",
         ),
         "of": Key(
             listing(text),
@@ -158,7 +160,7 @@ COMMANDS: dict[str, dict[str, Key]] = {
             boolean,
             False,
             "also integrate from eight stated starts and list the motions met"
-            " ([method.md](method.md#motions-that-coexist))",
+            " ([Motions that coexist](../explanation/stability.md#motions-that-coexist))",
         ),
         "samples": Key(integer(8), 256, "of the record, a period"),
         "history": Key(choice("period", "run"), "period", "what is recorded: the last period, or the whole run"),

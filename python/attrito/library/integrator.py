@@ -24,7 +24,7 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Run:
-    """Choices of a run; see docs/job.md, [integrate].
+    """Choices of a run; see docs/reference/job.md, [integrate].
 
     Parameters
     ----------

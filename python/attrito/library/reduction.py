@@ -143,7 +143,7 @@ def reduce_model(
     Parameters
     ----------
     comm : the ranks that do it together
-    model_path, rom_path : docs/files.md; `rom_path` is written over
+    model_path, rom_path : docs/reference/files.md; `rom_path` is written over
     boundary : dofs to keep, from 0, the same on every rank; in any order
     options : how many modes, and how they are found
     vectors : `[nv, n]`, loads and monitors; rank 0's are taken. Those that act inside get a static correction each.

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Options:
-    """Choices of the harmonic balance; see docs/job.md.
+    """Choices of the harmonic balance; see docs/reference/job.md.
 
     `accepted_error`: relative error of the amplitude beyond which a point is `above_tolerance`; 0: not checked. With
     `choose_harmonics` the number given is the one to begin with, and `accepted_error` what it is chosen by.

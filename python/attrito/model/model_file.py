@@ -1,6 +1,6 @@
 """The file model.h5: matrices, dofs, mesh and node sets of a full model.
 
-Its schema is written down in docs/files.md. Units are the user's own consistent set.
+Its schema is written down in docs/reference/files.md. Units are the user's own consistent set.
 """
 
 from __future__ import annotations

@@ -215,7 +215,7 @@ def _write(
         file.attrs["format"] = CAMPBELL
         file.attrs["format_version"] = 1
         file.attrs["attrito_version"] = __version__
-        file.attrs["description"] = "Tangent modes against the speed of rotation; see docs/modes.md of attrito"
+        file.attrs["description"] = "Tangent modes against the speed of rotation; see docs/how-to/modes.md of attrito"
         file.attrs["references"] = (
             "Campbell 1924, Trans. ASME 46, 31-160; Southwell & Gough 1921, Aeronautical Research Committee R&M 766"
         )

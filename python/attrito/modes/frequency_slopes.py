@@ -1,6 +1,6 @@
 """Derivatives of natural frequencies of a linear reference by parameters of a job.
 
-With shapes of unit modal mass, of contacts that stick (`docs/modes.md`),
+With shapes of unit modal mass, of contacts that stick (`docs/how-to/modes.md`),
 
     d omega_r / dp = x_r^T K' x_r / (2 omega_r),    K' = B^T diag(s') B,
 

@@ -114,7 +114,7 @@ def _write(
         file.attrs["format"] = LINEAR_MODES
         file.attrs["format_version"] = 1
         file.attrs["attrito_version"] = __version__
-        file.attrs["description"] = f"Linear modes, {state}: {MEANINGS[state]}; see docs/modes.md of attrito"
+        file.attrs["description"] = f"Linear modes, {state}: {MEANINGS[state]}; see docs/how-to/modes.md of attrito"
         file.attrs["references"] = "Craig & Bampton 1968, doi:10.2514/3.4741"
         if sector is not None:
             file.attrs["references"] += "; Thomas 1979, Int. J. Numer. Methods Eng. 14, 81-102"

@@ -142,7 +142,7 @@ def _write(asked: Optimum, job: Job, found: Least, peaks: _Peaks) -> None:
         file.attrs["format"], file.attrs["format_version"] = FORMAT, 1
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = (
-            "Parameters of a job at which its largest peak is least; see docs/optima.md of attrito"
+            "Parameters of a job at which its largest peak is least; see docs/how-to/optima.md of attrito"
         )
         file.attrs.update(job.attributes)
         keys: dict[str, Any] = {name: value for name, value in vars(asked).items() if name not in ("parameters", "job")}

@@ -184,7 +184,7 @@ def _write_attributes(
     file.attrs["format"] = FORMAT
     file.attrs["format_version"] = 1
     file.attrs["attrito_version"] = __version__
-    file.attrs["description"] = "A resonance peak followed in a parameter; see docs/peaks.md of attrito"
+    file.attrs["description"] = "A resonance peak followed in a parameter; see docs/how-to/peaks.md of attrito"
     file.attrs["references"] = REFERENCES
     file.attrs.update(job.attributes)
     file.attrs["warnings"] = "\n".join(warnings)

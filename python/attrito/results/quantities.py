@@ -160,7 +160,7 @@ class File(Group):
     """An open file of attrito, model, reduced model or result; close it, or use it in a `with` block.
 
     The members of a result are `points`, `monitors`, `contacts`, `linear` and, where the job asked for them,
-    `multipliers`, `stability`, `integration`: docs/files.md describes each dataset.
+    `multipliers`, `stability`, `integration`: docs/reference/files.md describes each dataset.
 
     Parameters
     ----------

@@ -60,7 +60,7 @@ def first_record(
         "format": RESULT,
         "format_version": 1,
         "attrito_version": __version__,
-        "description": "Steady response of a structure with friction contacts; see docs/files.md of attrito",
+        "description": "Steady response of a structure with friction contacts; see docs/reference/files.md of attrito",
         "references": REFERENCES,
         **job.attributes,
         "job_file": str(Path(job.path).resolve()) if Path(job.path).is_file() else "",

@@ -102,7 +102,7 @@ def write_study(
         file.attrs["format"], file.attrs["format_version"] = "attrito study", 1
         file.attrs["attrito_version"] = __version__
         file.attrs["description"] = (
-            f"Resonance {study.of} over samples of a job's values; see docs/studies.md of attrito"
+            f"Resonance {study.of} over samples of a job's values; see docs/how-to/studies.md of attrito"
         )
         file.attrs.update(job.attributes)
         file.attrs["study"], file.attrs["solved"] = json.dumps(study.as_table()), solved

@@ -123,7 +123,9 @@ def write_responses(
     with whole_hdf5(study.file) as file:
         file.attrs["format"], file.attrs["format_version"] = "attrito study", 1
         file.attrs["attrito_version"] = __version__
-        file.attrs["description"] = "Frequency responses over samples of a job's values; see docs/studies.md of attrito"
+        file.attrs["description"] = (
+            "Frequency responses over samples of a job's values; see docs/how-to/studies.md of attrito"
+        )
         file.attrs.update(job.attributes)
         file.attrs["study"], file.attrs["solved"] = json.dumps(study.as_table()), solved
         file.attrs["parameter"] = "frequency_hz"

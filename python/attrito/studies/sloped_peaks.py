@@ -2,8 +2,8 @@
 
 Along the frequency response the amplitude does not change at a peak to first order, so the height's derivative is that
 of the amplitude at the peak's frequency; the frequency's takes the second derivative of contact forces, which there is
-by events alone (docs/sensitivity.md). A sample's sliders are those that the static path leaves, which changes with what
-is varied: the path's own part is a central difference.
+by events alone (docs/how-to/sensitivity.md). A sample's sliders are those that the static path leaves, which changes
+with what is varied: the path's own part is a central difference.
 """
 
 from __future__ import annotations

@@ -150,7 +150,7 @@ def write_hdf5(path: Path, grid: Grid) -> None:
         file.attrs["format"] = "attrito torture"
         file.attrs["format_version"] = 1
         file.attrs["attrito_version"] = __version__
-        file.attrs["description"] = "Methods and verdicts over a grid of small scenes; see docs/where-methods-fail.md"
+        file.attrs["description"] = "Methods and verdicts over a grid of small scenes; see docs/explanation/limits.md"
         for name, description in _parameters().items():
             values = [getattr(family, name) for family in grid.families]
             kind = h5py.string_dtype() if name == "preload" else None
