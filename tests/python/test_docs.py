@@ -328,3 +328,9 @@ def test_the_version_has_a_heading_in_the_changelog_and_is_the_one_to_cite():
     assert f"\nversion: {version}\n" in (ROOT / "CITATION.cff").read_text()
     headings = re.findall(r"^## (.*)$", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)
     assert headings[:2] == ["Unreleased", version]
+
+
+def test_a_release_has_at_most_forty_lines_of_at_most_120_columns():
+    releases = re.split(r"^## ", (ROOT / "CHANGELOG.md").read_text(), flags=re.MULTILINE)[1:]
+    assert max(len(release.strip().splitlines()) for release in releases) <= 40
+    assert max(len(line) for release in releases for line in release.splitlines()) <= 120
