@@ -32,7 +32,7 @@ module attrito_reduce_krylov_schur
     integer :: solves = 0
   end type krylov_schur_type
 
-  !> Vectors in the space beyond those sought: a third as many, at least these (measured: docs/evidence/performance.md)
+  !> Vectors in the space beyond those sought: a third as many, at least these
   integer, parameter :: least_room = 20 ! measured
   !> Restarts at most
   integer, parameter :: most_restarts = 200 ! conventional

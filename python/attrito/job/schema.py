@@ -126,12 +126,13 @@ TABLES: dict[str, dict[str, Key]] = {
             choice(*EIGENSOLVERS),
             EIGENSOLVERS[0],
             "of the fixed-interface modes: SLEPc's Krylov-Schur method, or block Lanczos, quicker on large models"
-            " ([Performance](../evidence/performance.md)). Both give the same modes: `rom.h5` of one serves the other",
+            " ([Eigensolvers](../evidence/reduction.md#eigensolvers)). Both give the same modes: `rom.h5` of one serves"
+            " the other",
         ),
         "ordering": Key(
             choice(*ORDERINGS),
             ORDERINGS[0],
-            "of the rows for the factorisation ([Performance](../evidence/performance.md))",
+            "of the rows for the factorisation ([Orderings](../evidence/reduction.md#orderings))",
         ),
         "out_of_core": Key(
             either(boolean, choice("auto")),
