@@ -59,7 +59,7 @@ def page(fortran_report: Path, python_report: Path) -> str:
             "Lines that the tests run, by folder: `script/coverage` measures both languages and writes this page;",
             "pages of files are then in `build/coverage/html`. Slow studies (`script/test --all`) are left out,",
             "and processes that a test kills report nothing. A line that is run is not yet one that is tested:",
-            "tests compare with closed forms, differences and invariances ([verification.md](verification.md)).\n",
+            "tests compare with closed forms, differences and invariances ([Verification](verification.md)).\n",
             "## Fortran\n" + table(fortran(fortran_report)) + "\n",
             "## Python\n" + table(python(python_report)),
         ]

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import ablation
-import contact_harmonics
 import evidence
 import joints
 import kills
@@ -75,19 +74,6 @@ def test_a_strategy_that_is_left_out_is_missed_where_it_alone_solves_a_point():
     assert changed["all"] == "converged"
     assert changed["frequency_hz"] == pytest.approx(at, rel=1e-12)
     assert changed["without"] in NO_SOLUTION
-
-
-def test_contacts_with_equal_forces_need_equal_series_and_one_that_hardly_slips_fewer():
-    # Two of equal force, 1/h, the third of a part e of it. What the last of eight harmonics leaves of all, squared and
-    # by contact, is (2 + e^2) / 3 / 64: less than the 1/64 of either of the two.
-    force = np.zeros((3, 3, 17))
-    force[:, 0, 1::2] = 1.0 / np.arange(1, 9)
-    # e = 0.01: all of the third's force, 1e-4 (1 + 1/4 + ... + 1/64) = 1.5e-4, is below it.
-    force[2] *= 0.01
-    assert contact_harmonics.needed(force, 0).tolist() == [8, 8, 0]
-    # e = 0.1: 0.0153 with the first harmonic, 0.0053 without, against 0.0105.
-    force[2] *= 10.0
-    assert contact_harmonics.needed(force, 0).tolist() == [8, 8, 1]
 
 
 def test_the_sweep_of_a_block_solves_points():

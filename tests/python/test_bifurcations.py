@@ -21,7 +21,7 @@ def test_folds_and_flips_of_the_stiff_wedge_are_located(tmp_path):
     run(tmp_path, examined(swept(stiff_wedge([]), 94.0, 85.0), "monodromy"))
     rows = table(tmp_path, "--bifurcations")
     assert [row["kind"] for row in rows] == ["fold", "fold", "flip"]
-    # Folds as the sweep's neighbouring points show them (docs/evidence/verification.md), and the flip before 85 Hz.
+    # Folds as the sweep's neighbouring points show them (docs/evidence/stability.md), and the flip before 85 Hz.
     assert [float(row["frequency_hz"]) for row in rows] == pytest.approx([88.30, 91.25, 85.94], abs=0.01)
     multipliers = [complex(float(row["real"]), float(row["imag"])) for row in rows]
     # ln|mu| is brought to zero within 1e-7, or its frequency to rounding; at a fold it is 1.
