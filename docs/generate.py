@@ -11,6 +11,7 @@ from pathlib import Path
 import api_reference
 import strategies_reference
 
+from attrito.job import json_schema
 from attrito.job import reference as job_reference
 
 DOCS = Path(__file__).resolve().parent
@@ -20,10 +21,14 @@ MADE = {
     "reference/python.md": api_reference.as_markdown,
     "explanation/strategies.md": strategies_reference.as_markdown,
 }
+# Files that are made as a whole
+WHOLE = {"reference/job.schema.json": json_schema.as_json_schema}
 
 
 def page(name: str) -> str:
-    """A page as it should be: what is made put between its marks."""
+    """A page as it should be: what is made put between its marks, or all of it."""
+    if name in WHOLE:
+        return WHOLE[name]()
     text = (DOCS / name).read_text()
     begin = text.index("\n", text.index(BEGIN)) + 1
     return f"{text[:begin]}{MADE[name]()}\n{text[text.index(END) :]}"
@@ -31,7 +36,7 @@ def page(name: str) -> str:
 
 def main() -> int:
     """Write the pages; with --check only say which are out of date."""
-    stale = [name for name in MADE if (DOCS / name).read_text() != page(name)]
+    stale = [name for name in (*MADE, *WHOLE) if not (DOCS / name).exists() or (DOCS / name).read_text() != page(name)]
     for name in stale:
         if "--check" in sys.argv:
             print(f"docs/{name} is not what the code says: script/reference mends it", file=sys.stderr)

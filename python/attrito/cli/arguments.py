@@ -299,6 +299,7 @@ def _info(parsers: Parsers) -> None:
 def _keys(parsers: Parsers) -> None:
     one = parsers.add_parser("keys", help="the keys of a job file: what each takes, its default, what it means")
     one.add_argument("table", nargs="?", help="one table, as sweep (default: all)")
+    one.add_argument("--json-schema", action="store_true", help="all of them as JSON Schema, for editors of TOML")
     one.set_defaults(work=commands.keys)
 
 

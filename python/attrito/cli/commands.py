@@ -450,6 +450,11 @@ def keys(options: argparse.Namespace) -> None:
 
     if options.table is not None and options.table not in tables():
         raise InputError(Fault("keys", "table", options.table, "one of " + ", ".join(tables())))
+    if options.json_schema:
+        from attrito.job.json_schema import as_json_schema
+
+        print(as_json_schema(), end="")
+        return
     print(as_text(options.table))
 
 

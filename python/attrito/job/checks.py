@@ -1,6 +1,7 @@
 """Checks of a job's values.
 
 A check takes a value and returns the value as the program wants it, or raises `ValueError` with what was expected.
+It also says in JSON Schema what it takes, for editors (`json_schema.py`).
 """
 
 from __future__ import annotations
@@ -24,6 +25,36 @@ RESERVED = ("frequency_hz", "natural_hz")
 # Displacements along the axes, rotations about them, and generalised coordinates.
 DIRECTIONS = {"q": 0, "x": 1, "y": 2, "z": 3, "rx": 4, "ry": 5, "rz": 6}
 
+# JSON Schema of what tables share
+NODE = [{"const": "node"}, {"type": ["integer", "string"]}, {"enum": list(DIRECTIONS)}]
+DOF = {"anyOf": [{"type": "integer", "minimum": 0}, {"type": "array", "items": NODE, "minItems": 3, "maxItems": 3}]}
+TERM = {"type": "array", "items": [DOF, {"type": "number"}], "minItems": 2, "maxItems": 2}
+PAIR = {"type": "array", "items": {"type": "number", "minimum": 0}, "minItems": 2, "maxItems": 2}
+NAME = {"type": "string", "minLength": 1, "maxLength": 64, "pattern": "^[^/,]+$"}
+MONITOR = {
+    "type": "object",
+    "properties": {"name": NAME, "dofs": {"type": "array", "items": TERM, "minItems": 1}},
+    "required": ["name", "dofs"],
+    "additionalProperties": False,
+}
+
+
+@dataclass(frozen=True)
+class Described:
+    """A check, and what it takes in JSON Schema."""
+
+    check: Check
+    schema: dict[str, Any]
+
+    def __call__(self, value: Any) -> Any:
+        """What the check makes of a value."""
+        return self.check(value)
+
+
+def described(schema: dict[str, Any]) -> Callable[[Check], Described]:
+    """Say what a check takes in JSON Schema."""
+    return lambda check: Described(check, schema)
+
 
 def number(low: float = -math.inf, high: float = math.inf, *, above: bool = False, below: bool = False) -> Check:
     """A finite number from `low` (or above it) to `high` (or below it)."""
@@ -44,7 +75,10 @@ def number(low: float = -math.inf, high: float = math.inf, *, above: bool = Fals
             raise ValueError(words)
         return float(value)
 
-    return check
+    bounds = {"exclusiveMinimum" if above else "minimum": low, "exclusiveMaximum" if below else "maximum": high}
+    return Described(
+        check, {"type": "number"} | {name: value for name, value in bounds.items() if math.isfinite(value)}
+    )
 
 
 def frequency(low: float = 0.0, *, above: bool = True) -> Check:
@@ -61,9 +95,10 @@ def integer(low: int, high: int = LARGEST_INTEGER) -> Check:
             raise ValueError(words)
         return value
 
-    return check
+    return Described(check, {"type": "integer", "minimum": low, "maximum": high})
 
 
+@described({"type": "string", "minLength": 1})
 def text(value: Any) -> str:
     """A text that is not empty."""
     if not isinstance(value, str) or not value.strip() or not value.isprintable():
@@ -71,13 +106,15 @@ def text(value: Any) -> str:
     return value
 
 
+@described({"type": "string", "minLength": 1})
 def unit_set(value: Any) -> str:
     """Names of a consistent set of units."""
-    name = text(value)
+    name: str = text(value)
     units_of(name)
     return name
 
 
+@described({"type": "boolean"})
 def boolean(value: Any) -> bool:
     """true or false."""
     if not isinstance(value, bool):
@@ -94,7 +131,7 @@ def choice(*names: str) -> Check:
             raise ValueError(words)
         return value
 
-    return check
+    return Described(check, {"enum": list(names)})
 
 
 def either(*checks: Check) -> Check:
@@ -109,7 +146,7 @@ def either(*checks: Check) -> Check:
                 expected.append(str(error))
         raise ValueError(", or ".join(expected))
 
-    return check
+    return Described(check, {"anyOf": [schema_of(one) for one in checks]})
 
 
 @dataclass(frozen=True)
@@ -137,6 +174,16 @@ class Listing:
         return checked
 
 
+def schema_of(check: Check) -> dict[str, Any]:
+    """What a check takes, in JSON Schema."""
+    if isinstance(check, Listing):
+        counts = {"minItems": check.low} | ({} if check.high is None else {"maxItems": check.high})
+        return {"type": "array", "items": schema_of(check.item)} | counts
+    if isinstance(check, Described):
+        return check.schema
+    raise TypeError("a check that does not say what it takes")
+
+
 def listing(item: Check, low: int = 0, high: int | None = None) -> Check:
     """A list of items, `low` to `high` of them."""
     return Listing(item, low, high)
@@ -157,6 +204,7 @@ def takes(check: Check) -> str:
     return f"a list{count}, each {takes(check.item)}"
 
 
+@described({"type": "array", "items": {"type": "number", "minimum": 0}, "minItems": 1})
 def rising_speeds(value: Any) -> list[float]:
     """Speeds in Hz, each above the one before."""
     words = "a list of at least 1, each a speed in Hz of at least 0, above the one before"
@@ -169,6 +217,7 @@ def rising_speeds(value: Any) -> list[float]:
     return speeds
 
 
+@described({"type": "array", "items": PAIR, "minItems": 1})
 def pressure_table(value: Any) -> list[list[float]]:
     """Pairs [pressure, friction coefficient], pressures ascending."""
     words = "pairs [pressure, coefficient], both at least 0, pressures ascending"
@@ -181,6 +230,7 @@ def pressure_table(value: Any) -> list[list[float]]:
     return pairs
 
 
+@described(DOF)
 def dof(value: Any) -> int | tuple[str, int | str, str]:
     """A dof: a number from 0, or ["node", id, "x"] with an id or the name of a set of one node."""
     if isinstance(value, int) and not isinstance(value, bool) and value >= 0:
@@ -198,6 +248,7 @@ def dof(value: Any) -> int | tuple[str, int | str, str]:
     raise ValueError('a dof: a number from 0, or ["node", id, "x"]')
 
 
+@described(TERM)
 def term(value: Any) -> tuple[Any, float]:
     """A pair [dof, coefficient]."""
     if not isinstance(value, list) or len(value) != 2:
@@ -208,6 +259,7 @@ def term(value: Any) -> tuple[Any, float]:
 terms = listing(term)
 
 
+@described({"type": "array", "items": {"anyOf": [{"type": "number"}, TERM]}})
 def acceleration(value: Any) -> list[float] | list[tuple[Any, float]]:
     """Along x, y, z, or of dofs."""
     for check in (listing(number(), 3, 3), listing(term, 1)):
@@ -218,6 +270,7 @@ def acceleration(value: Any) -> list[float] | list[tuple[Any, float]]:
     raise ValueError("a list of 3 numbers, along x, y, z, or of pairs [dof, acceleration]")
 
 
+@described(MONITOR)
 def monitor(value: Any) -> dict[str, Any]:
     """A table { name, dofs }."""
     if not isinstance(value, dict) or set(value) != {"name", "dofs"}:
@@ -226,9 +279,10 @@ def monitor(value: Any) -> dict[str, Any]:
     return {"name": name, "dofs": listing(term, 1)(value["dofs"])}
 
 
+@described(NAME)
 def dataset_name(value: Any) -> str:
     """A name that a dataset of the output and a column of a table can have."""
-    name = text(value)
+    name: str = text(value)
     barred = "/" in name or "," in name or name != name.strip() or name in (".", "..", *RESERVED)
     if barred or len(name.encode(errors="surrogatepass")) > 64:
         others = ", other than " + ", ".join(RESERVED)
@@ -236,6 +290,7 @@ def dataset_name(value: Any) -> str:
     return name
 
 
+@described({"anyOf": [{"type": "number"}, {"type": "object", "additionalProperties": {"type": "number"}}]})
 def corner(value: Any) -> float | dict[str, float]:
     """A corner of the load path: one factor, or factors by the names of loads."""
     if isinstance(value, dict):
@@ -247,15 +302,20 @@ def corner(value: Any) -> float | dict[str, float]:
     return factor
 
 
+@described(
+    {"anyOf": [{"type": "string", "minLength": 1}, {"type": "array", "items": {"type": "array"}, "minItems": 1}]}
+)
 def matrix(value: Any) -> str | list[list[Any]]:
     """A file, or rows of numbers."""
     if isinstance(value, str):
-        return text(value)
+        file: str = text(value)
+        return file
     if isinstance(value, list) and value and all(isinstance(row, list) for row in value):
         return value
     raise ValueError("a file name or a list of rows of numbers")
 
 
+@described({"type": "string", "pattern": r"^(static|rest|point:\d+)$"})
 def start(value: Any) -> str:
     """Where an integration starts: "static", "rest" or "point:<number>"."""
     if isinstance(value, str) and re.fullmatch(r"static|rest|point:\d+", value):
@@ -263,6 +323,7 @@ def start(value: Any) -> str:
     raise ValueError('"static", "rest" or "point:<number>"')
 
 
+@described({"type": "string", "pattern": r"^point:\d+$"})
 def stored_point(value: Any) -> str:
     """A point of a result: "point:<number>"."""
     if isinstance(value, str) and re.fullmatch(r"point:\d+", value):
@@ -270,6 +331,7 @@ def stored_point(value: Any) -> str:
     raise ValueError('"point:<number>"')
 
 
+@described({"anyOf": [{"type": "integer", "minimum": 1}, {"type": "string", "minLength": 1}]})
 def node_reference(value: Any) -> int | str:
     """A node's id or a node set's name."""
     node: int | str = either(integer(1), text)(value)

@@ -83,13 +83,13 @@ def as_text(name: str | None = None) -> str:
     for table, keys in tables().items():
         if name not in (None, table):
             continue
-        lines += [f"{heading(table)}  {_plain(PURPOSES[table])}"]
+        lines += [f"{heading(table)}  {plain(PURPOSES[table])}"]
         for key_name, key in keys.items():
             default = default_in_words(key)
             note = f" ({default})" if default == "required" else f" (default {default})" if default else ""
             unit = unit_of(table, key_name)
             of = f", {unit}" if unit not in ("", "1") else ""
-            lines += [f"  {key_name}: {takes(key.check)}{of}{note}", f"      {_plain(key.meaning)}"]
+            lines += [f"  {key_name}: {takes(key.check)}{of}{note}", f"      {plain(key.meaning)}"]
         lines.append("")
     return "\n".join(lines).rstrip()
 
@@ -121,6 +121,6 @@ def _cell(words: str) -> str:
     return words.replace("a text of printable characters", "a text")
 
 
-def _plain(words: str) -> str:
+def plain(words: str) -> str:
     """Markdown's links and marks taken out."""
     return re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", words).replace("`", "").replace("\\|", "|")
