@@ -144,8 +144,16 @@ def test_pages_build_with_equations_contents_and_a_search_that_finds_their_words
     # Its worker, too, is there: nothing of a page is loaded from a network.
     assert (tmp_path / "site" / "docs" / "iframe-worker.js").is_file() and "iframe-worker.js" in home
     loaded = r'<(?:script|img|iframe)[^>]* src="https?:[^"]*"|<link[^>]* rel="stylesheet"[^>]* href="https?:[^"]*"'
-    pages = [page.read_text() for page in (tmp_path / "site").rglob("*.html")]
-    assert [found for page in pages for found in re.findall(loaded, page)] == []
+    pages = {page: page.read_text() for page in (tmp_path / "site").rglob("*.html")}
+    assert [found for text in pages.values() for found in re.findall(loaded, text)] == []
+    # Every link of a page of the site leads to a file of the site.
+    dead = [
+        f"{page.name}: {link}"
+        for page, text in pages.items()
+        for link in re.findall(r'<a [^>]*href="([^":#?]+)["#?]', text)
+        if page.name != "404.html" and not (page.parent / link).exists()
+    ]
+    assert dead == []
 
 
 @pytest.mark.parametrize("link", ["nowhere.md", "reference/job.md#nowhere"])
