@@ -35,7 +35,7 @@ def clock(monkeypatch) -> SimpleNamespace:
 
 def frequencies(text: str) -> list[float]:
     """Of the points that have a line."""
-    return [float(line.split()[1]) for line in text.splitlines() if " Hz " in line]
+    return [float(line.split()[1]) for line in text.splitlines() if " Hz  level " in line]
 
 
 def test_in_a_file_points_have_a_line_now_and_then(clock, capsys):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from jobs import ENVIRONMENT, TIMEOUT, Job, attrito, attrito_here, chain, table, wait_for, wedge, write_job
+from jobs import ENVIRONMENT, TIMEOUT, Job, attrito, attrito_here, chain, swept, table, wait_for, wedge, write_job
 from mpi4py import MPI
 from patient import PROGRAM
 from restarts import differences, run_in_pieces, run_to_the_end
@@ -307,10 +308,27 @@ def test_what_is_no_journal_is_told(tmp_path):
         list(read_journal(str(path)))
 
 
-def test_the_summary_tells_time_memory_and_outcomes(tmp_path, capfd):
+def test_the_last_lines_tell_peak_time_memory_and_file(tmp_path, capfd):
     done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, wedge()))
-    counts, seconds, memory = done.stdout.splitlines()[-3:]
-    assert counts.startswith("1 points (1 converged) in ")
-    assert seconds.startswith("seconds: ")
-    assert seconds.endswith("iterations of Newton's method")
-    assert memory.startswith("memory: ") and memory.endswith(" MB")
+    heading, row, _, points, result = done.stdout.splitlines()[-5:]
+    assert heading.split() == ["largest", "below", "stuck", "error"]
+    assert re.fullmatch(r"x   5.8\de-05 at 132 Hz, the end +0\.\d+ %", row)
+    assert points.startswith("1 point, all solved, in ")
+    assert re.search(r"\d iterations of Newton's method, \d+ MB$", points)
+    assert result == "Result: result.h5. Next: attrito report result.h5"
+
+
+def test_a_run_ends_with_its_peaks_or_with_the_band_to_try(tmp_path, capfd):
+    job = swept(wedge(), 140.0, 100.0)
+    job["sweep"]["levels"] = [1.0, 0.2]
+    lines = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, job)).stdout.splitlines()
+    place = next(i for i, line in enumerate(lines) if line.split() == ["largest", "below", "stuck", "error"])
+    slips, sticks = lines[place + 1 : place + 3]
+    # The peak of the paper's wedge, 13.9 % below that of stuck contacts; at a fifth of the force none slips.
+    assert re.search(r"5\.8\de-05 at 133\.1\d Hz +14 % +0\.\d+ % +level 1$", slips)
+    assert re.search(r"at 132\.4\d Hz +\S+ % +\S+ % +level 0\.2$", sticks)
+    assert lines[place + 5].startswith('"below stuck": than the linear peak with all contacts stuck')
+    job = swept(wedge(), 60.0, 90.0)
+    lines = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, job)).stdout.splitlines()
+    linear = "The nearest linear peaks are at 116.3 Hz (frictionless) and 132.7 Hz (stuck). Sweep from 99 to 150 Hz."
+    assert linear in lines

@@ -7,6 +7,7 @@ import os
 from collections.abc import Sequence
 
 from attrito.cli import commands
+from attrito.cli.words import Parser, example, in_groups
 from attrito.library.names import REFERENCES
 from attrito.results.motion_names import QUANTITIES
 from attrito.support.version import __version__
@@ -22,11 +23,16 @@ Parsers = argparse._SubParsersAction
 
 def parser() -> argparse.ArgumentParser:
     """Of all commands; the options of each say in `work` what is to be done with them."""
-    whole = argparse.ArgumentParser(
-        prog="attrito", description="The steady vibration of finite-element structures that rub."
+    whole = Parser(
+        prog="attrito",
+        usage="attrito [-h] [--version] COMMAND ...",
+        description="The steady vibration of finite-element structures that rub.",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     whole.add_argument("--version", action="version", version=f"attrito {__version__}")
-    parsers = whole.add_subparsers(dest="command", required=True, metavar="command")
+    parsers = whole.add_subparsers(
+        dest="command", required=True, metavar="command", help=argparse.SUPPRESS, prog="attrito"
+    )
     making = (_import, _reduce)
     solving = (_run, _chart, _peak, _linear_modes, _campbell, _mode, _study, _fit, _optimise, _integrate)
     looking = (_table, _plot, _report, _info, _keys, _verify, _export, _stress)
@@ -45,6 +51,10 @@ def parser() -> argparse.ArgumentParser:
         how_much = parsers.choices[name].add_mutually_exclusive_group()
         how_much.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
         how_much.add_argument("-v", "--verbose", action="store_true", help="a line for every point")
+    for name, one in parsers.choices.items():
+        one.epilog, one.formatter_class = example(name), argparse.RawDescriptionHelpFormatter
+    does = {action.dest: action.help or "" for action in parsers._choices_actions}
+    whole.epilog = f"{in_groups(does)}\n\nattrito COMMAND --help explains one, with an example."
     return whole
 
 

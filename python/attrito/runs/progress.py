@@ -116,8 +116,9 @@ class Progress:
 
     def begin(self, coordinates: int, contacts: int, linear: dict[str, LinearReference]) -> None:
         """What is going to be solved."""
-        lowest = (f"{name} {in_words(one.natural_hz, one.rigid, 3)}" for name, one in linear.items())
-        self.say(f"{coordinates} coordinates, {contacts} contacts; natural frequencies in Hz: {', '.join(lowest)}")
+        lowest = ", ".join(f"{name} {in_words(one.natural_hz, one.rigid, 3)}" for name, one in linear.items())
+        size = f"{counted(coordinates, 'coordinate')}, {counted(contacts, 'contact')}"
+        self.say(f"{size}; natural frequencies in Hz: {lowest}")
 
     def static(self, means: np.ndarray) -> None:
         """The static load path was followed."""
@@ -171,17 +172,42 @@ class Progress:
             return ""
         return in_time((now - begun) * (1.0 - done) / (done - before))
 
-    def end(self, result: str, stages: Stages, place: RunPosition, bounds: str) -> None:
-        """Where the result is, and what it took; `bounds` says it of bounds, if of anything. Collective."""
+    def end(self, result: str, stages: Stages, place: RunPosition, bounds: str, answer: Sequence[str]) -> None:
+        """What came out, where it is, and what it took. Collective.
+
+        Parameters
+        ----------
+        result : the file
+        stages, place : times, and the points
+        bounds : of points that are not unique, in a sentence; empty: none was examined
+        answer : the lines on peaks
+        """
         megabytes = stages.peak_megabytes()
+        for line in answer:
+            self.line(line)
         ways = ", ".join(f"{count} {name}" for name, count in place.outcomes.items())
-        self.say(f"{place.points} points ({ways}) in {stages.total:.1f} s: {result}")
-        each = ", ".join(f"{stage} {seconds:.1f}" for stage, seconds in stages.seconds.items() if seconds >= 0.05)
-        self.say(f"seconds: {each or 'none'}; {self.iterations} iterations of Newton's method")
+        solved = "all solved" if set(place.outcomes) == {"converged"} else ways
+        each = ", ".join(f"{stage} {seconds:.1f} s" for stage, seconds in stages.seconds.items() if seconds >= 0.05)
+        held = f"{max(megabytes):.0f} MB on the largest of {len(megabytes)} ranks, {sum(megabytes):.0f} MB in all"
+        self.say(
+            f"{counted(place.points, 'point')}, {solved}, in {stages.total:.1f} s{f' ({each})' if each else ''},"
+            f" {counted(self.iterations, 'iteration')} of Newton's method,"
+            f" {held if len(megabytes) > 1 else f'{megabytes[0]:.0f} MB'}"
+        )
         if bounds:
             self.say(bounds)
-        held = f"{max(megabytes):.0f} MB on the largest of {len(megabytes)} ranks, {sum(megabytes):.0f} MB in all"
-        self.say("memory: " + (held if len(megabytes) > 1 else f"{megabytes[0]:.0f} MB"))
+        self.say(f"Result: {result}. Next: attrito report {result}")
+
+    def line(self, line: str) -> None:
+        """A row of a table, which is not broken."""
+        if self._speaks:
+            self._leave_standing()
+            print(line, flush=True)
+
+
+def counted(count: int, what: str) -> str:
+    """`1 point`, `2 points`."""
+    return f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def fitted(parts: Sequence[tuple[str, int]], width: int | None) -> str:

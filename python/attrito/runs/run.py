@@ -14,9 +14,10 @@ from attrito.library.points import Point, StoredPoint
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Options, Solver
 from attrito.results.journal import Record, find_earlier, remove_journals
-from attrito.results.result import RESULT
+from attrito.results.result import RESULT, Result
 from attrito.results.result_file import fill_result
 from attrito.results.stored_point import read_point
+from attrito.runs.answer import answer
 from attrito.runs.bifurcations import Finder
 from attrito.runs.bounds import write_bounds
 from attrito.runs.bounds_of_levels import Sampler
@@ -89,7 +90,7 @@ def run_job(comm: Comm, path: str | Job, resume: bool = False, max_seconds: floa
         stages.end("input")
         with writing_alone(comm, result):
             run = _solve(comm, job, scene, warnings, progress, stages, stop, resume)
-    progress.end(result, stages, run.place, run.words_on_bounds())
+    progress.end(result, stages, run.place, run.words_on_bounds(), on_root_only(comm, lambda: _answer(result)) or [])
     complaints = run.complaints()
     if complaints:
         raise UnsolvedError(result, "; ".join(complaints))
@@ -293,6 +294,12 @@ class _Run:
                 " /points/error_harmonics, error_samples and error_modes say what causes it"
             )
         return found
+
+
+def _answer(result: str) -> list[str]:
+    """The peaks of a result, in lines."""
+    with Result(result) as file:
+        return answer(file)
 
 
 def _start(job: Job, scene: ReducedScene) -> StoredPoint | None:

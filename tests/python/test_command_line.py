@@ -1,0 +1,40 @@
+"""The command line explains itself: groups, examples, what a misspelt command may mean."""
+
+from __future__ import annotations
+
+import shlex
+
+import pytest
+
+from attrito.cli.arguments import parser
+from attrito.cli.words import EXAMPLES, in_groups
+
+
+def choices():
+    return next(action for action in parser()._actions if action.dest == "command").choices
+
+
+def test_every_command_is_in_a_group_with_an_example_that_it_takes():
+    assert sorted(EXAMPLES) == sorted(choices())
+    for name, example in EXAMPLES.items():
+        words = shlex.split(example)
+        assert parser().parse_args(words[words.index("attrito") + 1 :]).command == name
+        assert choices()[name].format_help().rstrip().endswith(example)
+    assert f"\n  run{'':11}a job -> result.h5\n" in parser().format_help()
+    assert in_groups(dict.fromkeys(EXAMPLES, "")).startswith("model:\n  import")
+
+
+@pytest.mark.parametrize(
+    ("typed", "meant"), [("runn", "'run'"), ("linear-mode", "'linear-modes'"), ("optimize", "'optimise'")]
+)
+def test_a_misspelt_command_is_answered_with_the_nearest(capfd, typed, meant):
+    with pytest.raises(SystemExit) as ended:
+        parser().parse_args([typed, "job.toml"])
+    assert ended.value.code == 2
+    assert f"no command {typed!r}; do you mean {meant}? (attrito --help lists all)" in capfd.readouterr().err
+
+
+def test_a_word_that_is_near_no_command_is_answered_without_a_guess(capfd):
+    with pytest.raises(SystemExit):
+        parser().parse_args(["xyz"])
+    assert "no command 'xyz' (attrito --help lists all)" in capfd.readouterr().err
