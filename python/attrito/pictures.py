@@ -96,7 +96,7 @@ def plot(
 
     Parameters
     ----------
-    files : results, or one file of modes, peaks, a study or a chart
+    files : results, or one file of modes, peaks, a study or a chart; what made one stands for it
     monitor : of the frequency response; None: the first
     quantity : `amplitude` (also None), `first_harmonic`, `phase`, `velocity`, `acceleration` or `nyquist`
     level : those that are drawn; None: all
@@ -123,7 +123,7 @@ def plot(
     >>> figure = attrito.plot("mu_03.h5", "mu_05.h5", quantity="phase", output="phases.pdf")
     """
     wishes = Wishes(monitor, quantity, level, xlim, log, references, speed_hz, loops, map, point, contact)
-    figure, _ = draw([str(file) for file in files], wishes, look or Look())
+    figure, _ = draw([os.fspath(file) for file in files], wishes, look or Look())
     if output is not None:
         save(figure, output)
     return figure

@@ -65,7 +65,7 @@ MODEL = [
     Case(
         "a stiffness without its mass",
         drop("model", "mass"),
-        ("job.toml: [model] mass = 'missing': expected a matrix to go with stiffness",),
+        ("job.toml: [model] mass is missing: expected a matrix to go with stiffness",),
     ),
     Case(
         "NaN in the mass",
@@ -175,7 +175,7 @@ MODEL = [
     Case(
         "too many dofs to be used as they stand",
         put("model", mass="large.mtx", stiffness="large.mtx", damping="large.mtx"),
-        ("job.toml: [reduction] = 'missing': expected a reduction: 5000 dofs are too many",),
+        ("job.toml: [reduction] is missing: expected a reduction: 5000 dofs are too many",),
     ),
 ]
 
@@ -193,7 +193,7 @@ MESH = [
     Case(
         "a model file that is another HDF5 file",
         put("model", file="other.h5"),
-        ("other.h5: format = 'missing': expected \"attrito model\", a file written by attrito import",),
+        ('other.h5: format is missing: expected "attrito model", a file written by attrito import',),
     ),
     Case(
         "a model file with NaN",

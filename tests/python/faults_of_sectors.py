@@ -26,7 +26,7 @@ NUMBERS = [
     Case(
         "a wheel without an engine order",
         drop("cyclic", "engine_order"),
-        ("job.toml: [cyclic] engine_order = 'missing': expected this key to be given",),
+        ("job.toml: [cyclic] engine_order is missing: expected this key to be given",),
     ),
     Case(
         "an axis without a direction",
@@ -73,7 +73,7 @@ BOUNDARIES = [
     Case(
         "one boundary without the other",
         drop("cyclic", "upper"),
-        ("job.toml: [cyclic] upper = 'missing': expected this key, to go with lower",),
+        ("job.toml: [cyclic] upper is missing: expected this key, to go with lower",),
     ),
     Case(
         "a dof of both boundaries",
@@ -126,8 +126,8 @@ BOUNDARIES = [
         "node sets without an axis",
         put("cyclic", lower="low", upper="high"),
         (
-            "job.toml: [cyclic] axis_point = 'missing': expected this key, since node sets are turned about the axis",
-            "job.toml: [cyclic] axis_direction = 'missing': expected this key, since node sets are turned",
+            "job.toml: [cyclic] axis_point is missing: expected this key, since node sets are turned about the axis",
+            "job.toml: [cyclic] axis_direction is missing: expected this key, since node sets are turned",
         ),
     ),
     Case(
@@ -145,7 +145,7 @@ CONTACTS = [
     Case(
         "a contact across that lacks its tangents on the next sector",
         drop("contact", 0, "tangents_next"),
-        ("job.toml: contact[0] tangents_next = 'missing': expected this key, to go with normal_next",),
+        ("job.toml: contact[0] tangents_next is missing: expected this key, to go with normal_next",),
     ),
     Case(
         "a contact across with more tangents on the next sector",

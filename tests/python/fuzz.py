@@ -18,6 +18,7 @@ import hashlib
 import json
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -87,7 +88,7 @@ def told_well(message: str) -> bool:
     """
     if "contents = " in message and "ATTRITO_TRACEBACK" in message:
         return False
-    lines = [line for line in message.splitlines() if line.strip()]
+    lines = [line for line in message.splitlines() if line.strip() and not re.fullmatch(r"\d+ faults", line)]
     if any("usage: attrito" in line for line in lines):
         return True
     if sum(line.startswith("attrito: ") for line in lines) > 1:

@@ -7,6 +7,7 @@ import csv
 import io
 import json
 import os
+import re
 import subprocess
 import sys
 import time
@@ -62,6 +63,11 @@ def attrito_here(folder: Path, capfd: pytest.CaptureFixture[str], *arguments: st
         code = main(arguments)
     out, err = capfd.readouterr()
     return subprocess.CompletedProcess(arguments, code, out, err)
+
+
+def without_lines(said: str) -> str:
+    """What was said of a job, without the numbers of its lines."""
+    return re.sub(r"(\.toml):\d+: ", r"\1: ", said)
 
 
 def wait_for(ready: Callable[[], bool], running: subprocess.Popen | None = None) -> None:

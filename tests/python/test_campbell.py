@@ -291,7 +291,7 @@ def without(job, *keys):
 FAULTS = [
     (
         lambda: without(rotor(), "stiffness_hz"),
-        "job.toml: [campbell] stiffness_hz = 'missing': expected the speed of rotation that the stiffness of the model",
+        "job.toml: [campbell] stiffness_hz is missing: expected the speed of rotation that the stiffness of the model",
     ),
     (
         lambda: without(rotor(), "stiffness_at_rest"),
@@ -311,7 +311,7 @@ FAULTS = [
     ),
     (
         lambda: {key: value for key, value in rotor().items() if key != "campbell"},
-        "job.toml: [campbell] = 'missing': expected this table, with speeds_hz",
+        "job.toml: [campbell] is missing: expected this table, with speeds_hz",
     ),
     (
         lambda: (
@@ -334,7 +334,7 @@ def test_stress_stiffening_that_the_model_holds_asks_for_the_stiffness_at_rest(t
     with edited(tmp_path / "model.h5") as file:
         file.attrs["stiffness_holds"], file.attrs["spin_hz"] = '["stress_stiffening"]', 50.0
     said = said_of(tmp_path, capfd, job)
-    assert "[campbell] stiffness_at_rest = 'missing': expected the stiffness of the same structure at rest" in said
+    assert "[campbell] stiffness_at_rest is missing: expected the stiffness of the same structure at rest" in said
     assert "that of model.h5 holds stress stiffening of 50 Hz" in said
     job["campbell"]["stiffness_at_rest"] = "model.h5"
     said = said_of(tmp_path, capfd, job)
@@ -357,7 +357,7 @@ def test_softening_that_the_model_holds_is_known_by_the_axis_of_the_load(tmp_pat
     found = [[float(row["frequency_hz"]) for row in rows] for rows in (asked, held)]
     assert found[0] == pytest.approx(found[1], rel=1e-9) and len(found[0]) == 4 * 4 * 5
     job["load"] = []
-    assert "load = 'missing': expected a [[load]] of kind centrifugal, whose axis" in said_of(tmp_path, capfd, job)
+    assert "load is missing: expected a [[load]] of kind centrifugal, whose axis" in said_of(tmp_path, capfd, job)
 
 
 def test_a_load_path_that_ends_at_another_speed_is_refused(tmp_path, capfd):

@@ -177,7 +177,7 @@ def test_a_loop_loses_what_a_jenkins_element_does(tmp_path: Path) -> None:
         ),
         ({"gap": 1e-6}, "contact[0] gap = 1e-06: expected no such key without normal"),
         ({"normal_stiffness": 1e5}, "contact[0] normal_stiffness = 100000.0: expected no such key without normal"),
-        ({"normal": [[0, 1.0]]}, "contact[0] normal_stiffness = 'missing': expected a number above 0, the stiffness"),
+        ({"normal": [[0, 1.0]]}, "contact[0] normal_stiffness is missing: expected a number above 0, the stiffness"),
     ],
 )
 def test_a_contact_that_is_neither_one_nor_the_other_is_refused(tmp_path: Path, change: dict, said: str) -> None:

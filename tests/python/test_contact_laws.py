@@ -110,7 +110,7 @@ def test_event_exact_integration_refuses_the_law_by_name_and_names_schemes(tmp_p
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"area": None}, "contact[0] area = 'missing': expected the contact area"),
+        ({"area": None}, "contact[0] area is missing: expected the contact area"),
         (
             {"friction_coefficient": 0.5},
             "friction_coefficient = 0.5: expected [[pressure, coefficient], ...] with law",

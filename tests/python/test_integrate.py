@@ -126,7 +126,7 @@ def test_every_scheme_comes_close_to_the_events(tmp_path, capfd, scheme):
     ("keys", "damping", "part"),
     [
         ({}, {"loss_factor": 0.01}, "time-domain twin"),
-        ({"frequency_hz": None}, {}, "[integrate] frequency_hz = 'missing'"),
+        ({"frequency_hz": None}, {}, "[integrate] frequency_hz is missing"),
         ({"start": "somewhere"}, {}, '"static", "rest" or "point:<number>"'),
         ({"start": "point:3"}, {}, "a result of `attrito run`"),
         ({"sliders": [0.0, 0.0]}, {}, "1 sliders, one a contact"),

@@ -375,8 +375,8 @@ def test_integration_in_time_refuses_the_law_by_name(tmp_path, scheme):
 @pytest.mark.parametrize(
     ("keys", "words"),
     [
-        ({"chi": None}, "contact[0] chi = 'missing': expected a number above -1, below 0, with law = \"iwan\""),
-        ({"beta": None}, "contact[0] beta = 'missing': expected a number of at least 0, with law = \"iwan\""),
+        ({"chi": None}, 'contact[0] chi is missing: expected a number above -1, below 0, with law = "iwan"'),
+        ({"beta": None}, 'contact[0] beta is missing: expected a number of at least 0, with law = "iwan"'),
         ({"chi": 0.0}, "contact[0] chi = 0.0: expected a number above -1 and below 0"),
         ({"chi": -1.0}, "contact[0] chi = -1.0: expected a number above -1 and below 0"),
         ({"beta": -0.1}, "contact[0] beta = -0.1: expected a number of at least 0"),

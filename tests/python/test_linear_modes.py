@@ -226,5 +226,5 @@ def test_modes_of_a_reduction_by_error_need_a_band(tmp_path):
 def test_a_run_still_asks_for_a_sweep_a_harmonic_load_and_monitors(tmp_path):
     done = attrito(tmp_path, "run", write_job(tmp_path, two_masses()))
     assert done.returncode == 2
-    for key in ("[sweep] = 'missing'", "load = 'missing'", "[output] monitors = 'missing'"):
+    for key in ("[sweep] is missing", "load is missing", "[output] monitors is missing"):
         assert key in done.stderr, done.stderr

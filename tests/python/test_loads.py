@@ -252,7 +252,7 @@ def test_calculix_softening_that_the_user_does_not_tell_of_is_a_fault(beam):
         ([], None, "rigid translations show that of 150 Hz"),
         (["stress_stiffening"], CALCULIX_HZ, "expected spin_softening as well"),
         (["spin_softening"], 140.0, "spin_hz = 140.0: expected 150"),
-        (["spin_softening"], None, "spin_hz = 'missing'"),
+        (["spin_softening"], None, "spin_hz is missing"),
         (["softening"], 1.0, "holds = 'softening': expected a list of stress_stiffening, spin_softening"),
         ([], 1.0, "no speed for a stiffness that holds nothing of it"),
     ):

@@ -177,7 +177,7 @@ def folder(tmp_path) -> Path:
         ),
         (
             ["--nastran", "two_springs.op4", "--mesh", "two_springs_mesh.bdf"],
-            "import: dofs = 'missing': expected a file that",
+            "import: dofs is missing: expected a file that",
         ),
         (["--nastran", "two_springs.pch", "--abaqus", "two_springs"], "import: nastran = 'given': expected one source"),
         (["--nastran", "two_springs.pch", "--stiffness", "K.mtx"], "import: stiffness = 'given': expected one source"),

@@ -104,7 +104,7 @@ def test_info_of_another_file_is_a_fault(tmp_path):
         pass
     told = attrito(tmp_path, "info", "other.h5")
     assert told.returncode == 2
-    assert "other.h5: format = 'missing': expected a file that attrito writes" in told.stderr
+    assert "other.h5: format is missing: expected a file that attrito writes" in told.stderr
 
 
 def quadratic_shapes(place: np.ndarray) -> np.ndarray:

@@ -530,6 +530,6 @@ def test_a_way_to_bounds_that_is_not_known_is_refused(tmp_path):
     done = attrito(tmp_path, "run", write_job(tmp_path, wedge() | {"static": {"bounds": "guessed"}}))
     assert done.returncode == 2
     expected = 'expected one of "auto", "sampled", "none"'
-    assert "job.toml: [static] bounds" in done.stderr
+    assert ": [static] bounds" in done.stderr
     assert "guessed" in done.stderr
     assert expected in done.stderr

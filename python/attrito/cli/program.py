@@ -9,6 +9,7 @@ from __future__ import annotations
 import argparse
 import contextlib
 import os
+import shutil
 import sys
 import time
 import traceback
@@ -189,4 +190,9 @@ def _print_error(message: str) -> None:
             traceback.print_exc()
         coloured = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
         name = "\x1b[1;31mattrito:\x1b[0m" if coloured else "attrito:"
+        if sys.stderr.isatty():
+            from attrito.runs.progress import wrapped
+
+            width = shutil.get_terminal_size().columns - len("attrito: ")
+            message = "\n".join(wrapped(line, width) for line in message.splitlines())
         print(f"{name} {message}", file=sys.stderr, flush=True)

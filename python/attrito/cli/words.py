@@ -7,6 +7,8 @@ import re
 from collections.abc import Mapping
 from typing import NoReturn
 
+from attrito.support.near import nearest
+
 # Groups of commands, in the order of the work; each command with an example
 GROUPS: dict[str, dict[str, str]] = {
     "model": {
@@ -51,10 +53,8 @@ class Parser(argparse.ArgumentParser):
         """End with the usage and one message, exit code 2."""
         misspelt = re.search(r"argument command: invalid choice: '([^']*)'", message)
         if misspelt:
-            import difflib
-
-            near = difflib.get_close_matches(misspelt[1], EXAMPLES, 1)
-            meant = f"; do you mean {near[0]!r}?" if near else ""
+            near = nearest(misspelt[1], EXAMPLES)
+            meant = f"; do you mean {near!r}?" if near else ""
             message = f"no command {misspelt[1]!r}{meant} (attrito --help lists all)"
         super().error(message)
 

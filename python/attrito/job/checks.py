@@ -12,6 +12,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from attrito.support.near import nearest
 from attrito.support.units import units_of
 
 Check = Callable[[Any], Any]
@@ -128,7 +129,8 @@ def choice(*names: str) -> Check:
 
     def check(value: Any) -> str:
         if not isinstance(value, str) or value not in names:
-            raise ValueError(words)
+            near = nearest(value, names) if isinstance(value, str) else None
+            raise ValueError(f'{words}; do you mean "{near}"?' if near else words)
         return value
 
     return Described(check, {"enum": list(names)})

@@ -17,8 +17,10 @@ from attrito.job.key import Key
 from attrito.job.schema import ARRAYS, REQUIRED_TABLES, TABLES
 from attrito.job.settings import apply_settings
 from attrito.support.errors import Fault, InputError
+from attrito.support.near import nearest
 from attrito.support.overwrite_check import check_files
 from attrito.support.toml_files import read_toml
+from attrito.support.toml_places import line_of, places
 
 
 def read_job(
@@ -44,7 +46,22 @@ def read_job(
     check_files(path, "file", [path])
     raw = read_toml(path, "a job")
     apply_settings(raw, list(settings), path)
-    return replace(check_job(raw, path, excited), settings=tuple(settings))
+    try:
+        return replace(check_job(raw, path, excited), settings=tuple(settings))
+    except InputError as error:
+        raise InputError(*located(error.faults, path, settings)) from None
+
+
+def located(faults: Sequence[Fault], path: str, settings: Sequence[str]) -> list[Fault]:
+    """Faults of a job's file with their lines; what `--set` gave has none."""
+    known = places(Path(path).read_text(encoding="utf-8-sig"))
+    given = {setting.partition("=")[0].rpartition(".")[2] for setting in settings}
+    return [
+        fault
+        if fault.file != path or fault.key.rpartition(" ")[2] in given
+        else replace(fault, line=line_of(fault.key, known))
+        for fault in faults
+    ]
 
 
 def plain(value: Any) -> Any:
@@ -73,7 +90,9 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True, like: Job | 
     known = sorted(TABLES | ARRAYS)
     for name in raw:
         if name not in known:
-            faults.append(Fault(path, f"[{name}]", "unknown table", "one of " + ", ".join(known)))
+            near = nearest(name, known)
+            expected = f"a known table; do you mean {near}?" if near else "one of " + ", ".join(known)
+            faults.append(Fault(path, f"[{name}]", "unknown table", expected))
     for name, keys in TABLES.items():
         table = raw.get(name, {})
         if not isinstance(table, dict):
@@ -139,18 +158,23 @@ def _check_table(
     required: bool = True,
 ) -> dict[str, Any]:
     checked = {name: key.default for name, key in keys.items()}
+    # What misspelt keys may stand for is not missing.
+    meant: set[str | None] = set()
     for name, value in table.items():
         if name in known and value is known[name]:
             checked[name] = value
             continue
         if name not in keys:
-            faults.append(Fault(path, f"{place} {name}", value, "a known key: " + ", ".join(keys)))
+            near = nearest(name, [key for key in keys if key not in table])
+            meant.add(near)
+            expected = f"a known key; do you mean {near}?" if near else "a known key: " + ", ".join(keys)
+            faults.append(Fault(path, f"{place} {name}", value, expected))
             continue
         try:
             checked[name] = keys[name].check(value)
         except ValueError as error:
             faults.append(Fault(path, f"{place} {name}", value, str(error)))
     for name, key in keys.items():
-        if required and key.required and table.get(name) is None:
+        if required and key.required and table.get(name) is None and name not in meant:
             faults.append(Fault(path, f"{place} {name}", "missing", "this key to be given"))
     return checked

@@ -109,7 +109,7 @@ def campbell_job(comm: Comm, path: str | Job, picture: str | None = None) -> str
             save(campbell_diagram(result), picture)
 
     on_root(comm, draw)
-    progress.say("\n".join([*in_words(met), f"{file}, {picture}"]))
+    progress.say("\n".join([*in_words(met), f"Result: {file}; picture: {picture}. Table: attrito table {file}"]))
     return file
 
 

@@ -62,13 +62,7 @@ def linear_modes_job(comm: Comm, path: str | Job, state: str = "tangent", count:
         found = [family.in_words() for family in families]
         progress.say(f"{state} ({MEANINGS[state]}): " + ("" if len(found) == 1 else "\n  ") + "\n  ".join(found))
         on_root(comm, lambda: _write(file, job, prepared, state, families, closed, slopes, progress.warnings))
-    progress.say(file)
-
-    def show() -> None:
-        with Result(file) as result:
-            print(table(result), end="")
-
-    on_root(comm, show)
+    progress.say(f"Result: {file}. Table: attrito table {file}")
     return file
 
 

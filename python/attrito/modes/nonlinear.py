@@ -21,7 +21,6 @@ from attrito.modes.mode_point import ModePoint
 from attrito.modes.mode_slopes import ModeDifferentiator
 from attrito.modes.quasi_static import QuasiStaticTracker
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
-from attrito.modes.table import table
 from attrito.modes.tracker import ModeTracker
 from attrito.peaks.fixed_series import fixed_series
 from attrito.plots.modes import mode_curve
@@ -126,11 +125,10 @@ def _follow_and_show(
             whole.attrs["tangent_damping_ratio"] = modes.damping_ratio[number - 1]
         remove_journals(journal, MODE)
         with Result(file) as result:
-            print(table(result), end="")
             save(mode_curve(result), picture)
         return picture
 
-    progress.say(f"{file}, {on_root(comm, show)}")
+    progress.say(f"Result: {file}; picture: {on_root(comm, show)}. Table: attrito table {file}")
     return missed
 
 

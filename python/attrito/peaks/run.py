@@ -15,7 +15,7 @@ from attrito.library.peak_tracker import Peak, PeakTracker
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Solver
 from attrito.peaks.curve import Ending, Found, elasticity, ending_of
-from attrito.peaks.file import higher_in_words, jumps_in_words, table, write
+from attrito.peaks.file import higher_in_words, jumps_in_words, write
 from attrito.peaks.first import band_of, drifting, find, looking_for_higher, monitor_of
 from attrito.peaks.fixed_series import fixed_series, is_enough
 from attrito.peaks.higher import Followed, HigherPeaks
@@ -88,13 +88,12 @@ def _follow_and_show(comm: Comm, job: Job, scene: Scene | None, file: str, pictu
         from attrito.plots.style import save
 
         write(file, job, reduced, found, progress.warnings)
-        print(table(file), end="")
         save(peak_curve(file), picture)
         return picture
 
     if (ending := _ending(job, found)).is_physical:
         progress.say(ending.words)
-    progress.say(f"{file}, {on_root(comm, show)}")
+    progress.say(f"Result: {file}; picture: {on_root(comm, show)}. Table: attrito table {file}")
     return broken or _missed(job, found)
 
 

@@ -17,7 +17,7 @@ from attrito.report.structure import structure
 from attrito.report.trust import glance, trust
 from attrito.report.view import View
 from attrito.report.wheel import wheel
-from attrito.results.result import CAMPBELL, Result
+from attrito.results.result import CAMPBELL, Result, reading
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import Fault, InputError
 from attrito.support.overwrite_check import check_spared
@@ -38,12 +38,13 @@ SECTIONS = (
 MODE_SECTIONS = (mode, sections.loops, wheel, sections.run)
 
 
+@reading
 def write_report(result: Result, path: str | os.PathLike[str], point: int | None = None) -> None:
     """Write the page of a result, or its essentials on two pages of A4.
 
     Parameters
     ----------
-    result : an open result
+    result : what `attrito.run` returns, an open `Result`, or the name of its file
     path : the file to write, .html, or .pdf for the two pages
     point : whose contacts are shown; None: that of the largest amplitude of the first monitor
 

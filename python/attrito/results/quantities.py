@@ -199,6 +199,10 @@ class File(Group):
         """The file's name as it was given."""
         return self._path
 
+    def __fspath__(self) -> str:
+        """It stands for its file: `attrito.plot(result)`."""
+        return self._path
+
     @property
     def job(self) -> dict[str, Any]:
         """The job without what is at its default, ready to be run again; empty in a file without one."""

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import json
 import os
+from collections.abc import Callable
+from functools import wraps
 from html import escape
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import h5py
 import numpy as np
@@ -19,6 +21,10 @@ from attrito.support.errors import Fault, InputError
 from attrito.support.file_sums import check_sums
 from attrito.support.hdf5_reading import UNREADABLE, as_text, check_datasets, spoilt
 from attrito.support.units import axis_unit
+
+P = ParamSpec("P")
+Value = TypeVar("Value")
+PathLike = str | os.PathLike[str]
 
 # Formats of the files of `attrito linear-modes`, `attrito mode` and `attrito campbell`, which are read as results are
 RESULT, LINEAR_MODES = "attrito result", "attrito linear modes"
@@ -40,7 +46,7 @@ class Result:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self.path = str(path)
+        self.path = os.fspath(path)
         if not Path(path).is_file():
             begun = f"{self.path}.partial"
             hint = f"; {begun} holds the points so far of a run that is not over, and is read, too"
@@ -93,6 +99,10 @@ class Result:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def __fspath__(self) -> str:
+        """It stands for its file: `attrito.plot(result)`."""
+        return self.path
 
     def close(self) -> None:
         """Close the file; closing twice does no harm."""
@@ -284,6 +294,19 @@ class Result:
         """Raise unless `point` is one of the result's, counted from 0."""
         if not 0 <= point < self.points:
             raise InputError(Fault(self.path, "point", point, f"a number from 0 to {self.points - 1}"))
+
+
+def reading(work: Callable[Concatenate[Result, P], Value]) -> Callable[Concatenate[Result | PathLike, P], Value]:
+    """What is done with an open result, done with a file's name or what `attrito.run` returns, too."""
+
+    @wraps(work)
+    def done(result: Result | PathLike, /, *others: P.args, **named: P.kwargs) -> Value:
+        if isinstance(result, Result):
+            return work(result, *others, **named)
+        with Result(result) as own:
+            return work(own, *others, **named)
+
+    return done
 
 
 def _open(path: str) -> h5py.File:

@@ -9,7 +9,7 @@ import numpy as np
 from attrito.results.curve import curve_of, points_along
 from attrito.results.derivatives import sensitivity_columns
 from attrito.results.motion import quantity_of
-from attrito.results.result import Result
+from attrito.results.result import Result, reading
 from attrito.support.csv_text import cell, numbers
 from attrito.support.hdf5_reading import as_text
 
@@ -19,6 +19,7 @@ SHARED = 1e-9
 ENERGY_ERROR = "/contacts/dissipated_energy_error"
 
 
+@reading
 def table(result: Result, quantities: Sequence[str] = ()) -> str:
     """CSV, one line a point.
 
@@ -27,7 +28,7 @@ def table(result: Result, quantities: Sequence[str] = ()) -> str:
 
     Parameters
     ----------
-    result : an open result
+    result : what `attrito.run` returns, an open `Result`, or the name of its file
     quantities : columns more of every monitor, of `first_harmonic`, `phase` (degrees), `velocity`, `acceleration`
     """
     columns: dict[str, Iterable[str]] = {
@@ -51,6 +52,7 @@ def table(result: Result, quantities: Sequence[str] = ()) -> str:
     return _csv(columns | _level_column(result, np.arange(result.points)))
 
 
+@reading
 def contact_table(result: Result) -> str:
     """CSV, one line a point and contact, contacts counted from 0; the columns `t2_...` if the file has them."""
     real = ["n_mean", "n_min", "n_low", "n_high", "t1_mean", "t1_low", "t1_high"]
@@ -139,6 +141,7 @@ def sensitivity_table(result: Result) -> str:
     return _csv(columns | _level_column(result, point))
 
 
+@reading
 def multiplier_table(result: Result) -> str:
     """CSV, one line a multiplier: `point, frequency_hz, method, real, imag, kind`; no line if none was computed.
 
@@ -161,6 +164,7 @@ def multiplier_table(result: Result) -> str:
     return _csv(columns | _level_column(result, point))
 
 
+@reading
 def bifurcation_table(result: Result) -> str:
     """CSV, one line a bifurcation: `branch, point, frequency_hz, kind, real, imag, uncertain_hz`, then amplitudes."""
     if not result.has("/bifurcations/kind"):

@@ -17,20 +17,24 @@ class Fault:
     ----------
     file : the file the user gave, as the user wrote it
     key : the place inside it: a TOML key, a line, a dataset, a node set
-    value : what is there
+    value : what is there; "missing": nothing
     expected : what should be there, as a phrase that follows "expected"
+    line : of the file, from 1; 0: not known
     """
 
     file: str
     key: str
     value: object
     expected: str
+    line: int = 0
 
     def __str__(self) -> str:
         value = repr(self.value) if isinstance(self.value, str) else str(self.value)
         if len(value) > 120:
             value = value[:117] + "..."
-        return f"{self.file}: {self.key} = {value}: expected {self.expected}"
+        place = f"{self.file}:{self.line}" if self.line else self.file
+        there = "is missing" if self.value == "missing" else f"= {value}"
+        return f"{place}: {self.key} {there}: expected {self.expected}"
 
 
 class InputError(Exception):
@@ -40,6 +44,8 @@ class InputError(Exception):
         shown = [str(fault) for fault in faults[:MOST_SHOWN]]
         if more := len(faults) - len(shown):
             shown.append(f"and {more} faults more, which may have the same cause")
+        elif len(faults) > 1:
+            shown.append(f"{len(faults)} faults")
         super().__init__("\n".join(shown))
         self.faults = faults
 
