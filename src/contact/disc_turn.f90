@@ -4,7 +4,7 @@
 !>
 !> with directions as complex numbers: a tractrix, one step of a Riccati equation. (b = d/2r, its first term, is the return along the
 !> mean of both directions.) Derivatives are made of what the turn itself was, for marches that ask for them.
-!> Source: Moreau 1977, doi:10.1016/0022-0396(77)90085-7 (sweeping process); DESIGN: docs/explanation/condensation.md.
+!> Source: Moreau 1977, doi:10.1016/0022-0396(77)90085-7 (sweeping process); DESIGN: docs/explanation/load-path.md.
 module attrito_contact_disc_turn
   use attrito_core_kinds, only: wp
   implicit none

@@ -9,7 +9,7 @@
 !>
 !> A place of slip's onset that moves changes nothing: direction turns alike before and after it. What the slider remembers of
 !> its start shrinks across the direction of slip only by kappa r_b/|z| a step, so no finite number of periods is exact.
-!> Source: Moreau 1977, doi:10.1016/0022-0396(77)90085-7 (sweeping process); DESIGN: docs/explanation/condensation.md.
+!> Source: Moreau 1977, doi:10.1016/0022-0396(77)90085-7 (sweeping process); DESIGN: docs/explanation/load-path.md.
 module attrito_contact_friction_disc
   use attrito_core_kinds, only: wp
   use attrito_contact_disc_turn, only: slip_type, turn_type, turn_direction, differentiate_turn, across

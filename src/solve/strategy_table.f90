@@ -1,5 +1,5 @@
 !> The fallback strategies for a point, in their order, as one table: what each does, where it is worth its cost, and what it needs.
-!> The rows are what `attrito_solve_strategies` tries; docs/explanation/condensation.md shows their words.
+!> The rows are what `attrito_solve_strategies` tries; docs/explanation/strategies.md shows their words.
 module attrito_solve_strategy_table
   use attrito_core_kinds, only: wp
   use attrito_balance_stuck_response, only: linear_motion

@@ -321,6 +321,22 @@ def test_the_first_screens_fit_and_their_python_runs(tmp_path):
         assert pixels(tmp_path / "jenkins.png", level_map()(place)) > LEAST_PIXELS
 
 
+def test_the_plain_residual_of_the_explanation_agrees_with_attrito(tmp_path):
+    text = (ROOT / "docs" / "explanation" / "harmonic-balance.md").read_text()
+    code = "\n".join(re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL))
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=tmp_path,
+        env=os.environ | ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        timeout=TIMEOUT,
+    )
+    assert done.returncode == 0, done.stderr
+    printed = [line for line in done.stdout.splitlines() if line.startswith("amplitude of x")]
+    assert len(printed) == 2 and printed[0] == printed[1] and text.count(f"# {printed[0]}") == 2
+
+
 def test_numbers_of_the_readme_s_reasons_are_in_the_pages_that_they_link():
     text = (ROOT / "README.md").read_text()
     reasons = re.findall(r"^- (\*\*.*?)(?=^- |^#)", text, flags=re.DOTALL | re.MULTILINE)

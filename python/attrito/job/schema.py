@@ -46,7 +46,7 @@ LAW = {
         LAWS[0],
         "`\"pressure\"`: mu depends on the pressure N/A, A a pair's tributary area or a contact's `area`;"
         ' `"iwan"`: sliders in parallel, F_S = mu N and K_T = kt'
-        " ([Contact laws](../explanation/contacts.md#contact-laws))",
+        " ([Contact laws](../explanation/contact-laws.md))",
     ),
     "chi": Key(
         number(-1, 0, above=True, below=True),
@@ -224,7 +224,7 @@ TABLES: dict[str, dict[str, Key]] = {
             integer(1, 100_000),
             4,
             "increments from corner to corner at least; they are halved until their estimated error is 1e-6 of the"
-            " largest normal force ([The static load path](../explanation/continuation.md#the-static-load-path))",
+            " largest normal force ([The static load path](../explanation/load-path.md))",
         ),
         "bounds": Key(
             choice("auto", "sampled", "none"),
@@ -288,8 +288,7 @@ TABLES: dict[str, dict[str, Key]] = {
             integer(1),
             1,
             "beyond 1, that many are looked for at each level: from both ends, beyond folds, out of motion in time, by"
-            " homotopy in the preload"
-            " ([Getting from point to point](../explanation/continuation.md#getting-from-point-to-point))",
+            " homotopy in the preload ([Other branches](../explanation/continuation.md#other-branches))",
         ),
         "start": Key(
             stored_point,
@@ -304,7 +303,7 @@ TABLES: dict[str, dict[str, Key]] = {
             0.01,
             "of the curve drawn through a sweep's points, the cubic between neighbours and their tangents: its distance"
             " from the branch, part of the largest amplitude so far; points are as dense as that needs"
-            " ([Getting from point to point](../explanation/continuation.md#getting-from-point-to-point))",
+            " ([How long is a step?](../explanation/continuation.md#how-long-is-a-step))",
         ),
         "max_points": Key(
             integer(2),
@@ -315,7 +314,7 @@ TABLES: dict[str, dict[str, Key]] = {
             boolean,
             True,
             "find turning points along sweeps, and where multipliers cross the unit circle if stability is examined"
-            " ([Stability](../explanation/stability.md#stability))",
+            " ([Bifurcations](../explanation/stability.md#bifurcations))",
         ),
     },
     **COMMANDS,
@@ -331,7 +330,7 @@ ARRAYS: dict[str, dict[str, Key]] = {
             listing(term, 1),
             None,
             "the approach v of the two sides, closing positive; absent: the normal force is `preload` at all times"
-            " ([Contact laws](../explanation/contacts.md#contact-laws))",
+            " ([Contact laws](../explanation/contact-laws.md))",
         ),
         "tangents": Key(
             listing(listing(term, 1), 1, 2), None, "the relative displacement u along one or two", required=True
@@ -362,7 +361,7 @@ ARRAYS: dict[str, dict[str, Key]] = {
             choice("node", "face"),
             "node",
             "nodes of a with nodes of b, or points of a with the faces of b, whose mesh need not match"
-            " ([Contact on faces](../explanation/contacts.md#contact-on-faces))",
+            " ([Contact on faces](../explanation/contact-on-faces.md))",
         ),
         "points": Key(
             choice("node", "gauss", "cut"),

@@ -105,8 +105,7 @@ COMMANDS: dict[str, dict[str, Key]] = {
         "method": Key(
             choice("none", "monodromy", "hill", "both"),
             "none",
-            "examine every point; `both` must agree. Coupled balance"
-            " ([Stability](../explanation/stability.md#stability))",
+            "examine every point; `both` must agree. Coupled balance ([Stability](../explanation/stability.md))",
         ),
         "orbit": Key(
             choice("auto", "balance", "exact"),
@@ -160,7 +159,7 @@ COMMANDS: dict[str, dict[str, Key]] = {
             boolean,
             False,
             "also integrate from eight stated starts and list the motions met"
-            " ([Motions that coexist](../explanation/stability.md#motions-that-coexist))",
+            " ([Motions that coexist](../explanation/time-integration.md#motions-that-coexist))",
         ),
         "samples": Key(integer(8), 256, "of the record, a period"),
         "history": Key(choice("period", "run"), "period", "what is recorded: the last period, or the whole run"),

@@ -12,7 +12,7 @@ where * is the member that the load path chose. The members are the s for which 
 a polytope, and the bounds of mean T and N of every contact, and of the monitors' means, are linear programs. Amplitudes
 are the same in all members. Elsewhere, where some contacts slip or have two tangents, members are visited one by one
 (`attrito.runs.bounds_by_members`). Members of a sector's motion are waves: all its sectors start alike. See
-docs/explanation/condensation.md, "Points that are not unique".
+docs/explanation/uniqueness.md, "Points that are not unique".
 """
 
 from __future__ import annotations

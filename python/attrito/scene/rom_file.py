@@ -90,7 +90,7 @@ def _faults_of_interface(path: str, basis: np.ndarray, paired: int) -> list[Faul
 def _mode_error(file: h5py.File) -> float:
     """What the modes left out cost the monitors, relative to the largest response.
 
-    The largest estimated error of a receptance between a monitor and a load (method.md, Reduction).
+    The largest estimated error of a receptance between a monitor and a load (docs/explanation/reduction.md).
     """
     if "quality" not in file or "vectors/name" not in file:
         return 0.0
