@@ -12,7 +12,7 @@ and its lowest modes, which is exact for static loads.
 on frequency and damping, from other values than the truth.
 
 *Published backbone*, above the amplitude `--lowest` and below Q = 1e-2: frequency over that at low amplitude, and 2 pi
-times the damping ratio, which is Masing's rule on the first loading (docs/how-to/modes.md). The first loading is by
+times the damping ratio, which is Masing's rule on the first loading (docs/evidence/brake-reuss.md). It is by
 `first_loading.py`, by dense algebra a hundred times quicker than cycles that close. `--whole N` then takes N steps of
 Newton's method by residuals of the first loading of all pairs, with the patches' Jacobian, and ends with all pairs.
 """

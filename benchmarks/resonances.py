@@ -9,11 +9,11 @@ quadrature with the monitor's first harmonic a_1 does the work pi F a_1 a period
 
     F = 2 omega^2 zeta sum_h h^2 q_h^H M q_h / a_1,    zeta = xi/(2 omega), contacts and structure together,
 
-keeps the mode up (docs/how-to/modes.md): the level at which it predicts a peak of its frequency and amplitude,
-interpolated in log F. A line a peak: level, both frequencies and amplitudes, their relative differences, the damping
-ratio of the mode there, how far the monitor's mean has moved since the first peak, part of its amplitude, and slipping
-contacts. `worst` is of the peaks at which damping is below DAMPED and the mean has moved by less than STILL. JSON on
-standard output.
+keeps the mode up (docs/how-to/nonlinear-modes.md): the level at which it predicts a peak of its frequency and
+amplitude, interpolated in log F. A line a peak: level, both frequencies and amplitudes, their relative differences,
+the damping ratio of the mode there, how far the monitor's mean has moved since the first peak, part of its amplitude,
+and slipping contacts. `worst` is of the peaks at which damping is below DAMPED and the mean has moved by less than
+STILL. JSON on standard output.
 """
 
 from __future__ import annotations

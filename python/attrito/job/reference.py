@@ -29,7 +29,7 @@ PURPOSES = {
     "peak": "For `attrito peak`: a resonance peak followed in a parameter"
     " ([The peak without the sweep](../how-to/peaks.md)).",
     "mode": "For `attrito mode`: a nonlinear mode followed in its amplitude"
-    " ([Nonlinear modes](../how-to/modes.md#nonlinear-modes)).",
+    " ([Nonlinear modes](../how-to/nonlinear-modes.md)).",
     "campbell": "For `attrito campbell`: tangent modes against the speed"
     " ([Campbell diagram](../how-to/modes.md#campbell-diagram)).",
     "stability": "Floquet multipliers of the points.",

@@ -103,7 +103,7 @@ TABLES: dict[str, dict[str, Key]] = {
             None,
             "damping ratio of every mode of the system with all contacts stuck; or a list, one of each, ascending in"
             " frequency, the last of all others. Below 0: a flow feeds the mode, `attrito mode` alone"
-            " ([Limit cycles](../how-to/modes.md#limit-cycles))",
+            " ([Limit cycles](../how-to/limit-cycles.md))",
         ),
         "loss_factor": Key(
             number(0, 1), None, "structural: K (1 + i eta) at harmonics above 0; contact springs do not damp"

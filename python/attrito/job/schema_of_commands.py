@@ -68,7 +68,7 @@ COMMANDS: dict[str, dict[str, Key]] = {
             choice("epmc", "quasi_static"),
             "epmc",
             "extended periodic motion concept, or cycles of quasi-static loading"
-            " ([Nonlinear modes](../how-to/modes.md#nonlinear-modes))",
+            " ([Nonlinear modes](../how-to/nonlinear-modes.md))",
         ),
         "start": Key(
             number(0, above=True),

@@ -327,7 +327,7 @@ def _first_record(comm: Comm, job: Job, scene: Scene, prepared: Prepared) -> Rec
     record = first_record(job, scene, prepared.rom, prepared.reduced, comm.size, {}, None)
     record.note["attributes"] |= {
         "format": MODE,
-        "description": "A nonlinear mode followed in its amplitude; see docs/how-to/modes.md of attrito",
+        "description": "A nonlinear mode followed in its amplitude; see docs/how-to/nonlinear-modes.md of attrito",
         "references": REFERENCES,
     }
     return record
