@@ -3,7 +3,7 @@
     .venv/bin/python benchmarks/fits.py --trials 100 > fits.json
 
 The wedge of `input/wedge.toml` answers at 30 frequencies, level 4, with stiffness 3e5 N/m, friction 0.5; noise of 3 %
-is put on that, anew in each trial, and both parameters are fitted from half of their values. Counted are trials in
+is put on that, again in each trial, and both parameters are fitted from half of their values. Counted are trials in
 which a parameter's interval of 95 % holds its truth, by the linear interval and by the profile. The Cramer-Rao bound is
 that of the truth: the width of an interval whose deviations are known, 2 * 1.96 sqrt(diag (J^T J)^-1) there.
 """

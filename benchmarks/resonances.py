@@ -176,7 +176,7 @@ def main() -> None:
     parser.add_argument("scenes", nargs="*", default=list(RANGES), help="of lap_joint, blade")
     parser.add_argument("--folder", type=Path, default=ROOT / "out/resonances", help="where files go")
     parser.add_argument("--picture", help="file of a figure")
-    parser.add_argument("--kept", action="store_true", help="do not follow anew what the folder holds")
+    parser.add_argument("--kept", action="store_true", help="do not follow again what the folder holds")
     options = parser.parse_args()
     options.folder.mkdir(parents=True, exist_ok=True)
     found = {}

@@ -40,7 +40,7 @@ def value_and_gradient(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Run a job at values of parameters: a quantity at all points, and its derivatives by them.
 
-    The result goes to the file of the job, anew with every call.
+    The result goes to the file of the job, again with every call.
 
     Parameters
     ----------
@@ -171,7 +171,7 @@ def _file_of(job: Job, comm: Comm | None) -> str:
 
 
 def _at(job: Job, values: np.ndarray) -> Job:
-    """The job at values of its parameters, checked anew."""
+    """The job at values of its parameters, checked again."""
     names = _names(job)
     if values.shape != (len(names),):
         raise InputError(job.fault("values", values.tolist(), f"{len(names)} numbers, one of each parameter"))

@@ -85,7 +85,7 @@ contains
   end function order_of
 
   !> Go on with another length of the series. Sliders stay; response and deviation keep the harmonics that both
-  !> lengths have; residual and Jacobian are to be evaluated anew.
+  !> lengths have; residual and Jacobian are to be evaluated again.
   subroutine set_harmonics_of_balance(self, structure, harmonics)
     type(balance_type), intent(inout) :: self
     !> Mass, stiffness, damping, loads and monitors

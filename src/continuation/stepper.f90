@@ -105,7 +105,7 @@ module attrito_continuation_stepper
 
 contains
 
-  !> Begin anew at a point, where only the direction is known: 1 or -1 in frequency.
+  !> Begin again at a point, where only the direction is known: 1 or -1 in frequency.
   subroutine begin(self, direction)
     class(stepper_type), intent(inout) :: self
     !> 1: towards growing frequency, -1: falling
@@ -125,7 +125,7 @@ contains
   end subroutine begin
 
   !> The tangent and the point of the drawn curve at the solver's present point, where the balance was evaluated last: of a point that
-  !> is not the end of a step that was examined, or was solved anew since.
+  !> is not the end of a step that was examined, or was solved again since.
   subroutine look_here(self, solver)
     class(stepper_type), intent(inout) :: self
     !> Solver of points, which this moves

@@ -41,7 +41,7 @@ contains
     released = malloc_trim(0_c_size_t)
   end subroutine return_memory
 
-  !> Let the peak start anew from what is held now.
+  !> Let the peak start again from what is held now.
   subroutine reset_peak()
     integer :: unit, status
 

@@ -255,7 +255,7 @@ module attrito_linear_receptance
 
 contains
 
-  !> Answer for so many harmonics from now on; a frequency is to be set anew.
+  !> Answer for so many harmonics from now on; a frequency is to be set again.
   subroutine set_harmonics(self, harmonics)
     class(receptance_type), intent(inout) :: self
     !> Highest harmonic, H

@@ -213,7 +213,7 @@ contains
       integer, intent(in) :: low
       !> Rows whose sums are held
       real(wp), intent(in) :: held
-      !> Are the sums to be made anew?
+      !> Are the sums to be made again?
       logical, intent(in) :: afresh
 
       plan%low = low

@@ -105,7 +105,7 @@ contains
     real(wp), intent(in) :: rho(:, :), last
     !> How to solve
     type(krylov_options_type), intent(in) :: options
-    !> What the preconditioner is made of; made anew where it does not serve any more
+    !> What the preconditioner is made of; made again where it does not serve any more
     type(preconditioners_type), target, intent(inout) :: kept
     !> D delta d [2 H + 1, active rows] and step of omega
     real(wp), intent(out) :: y(:, :), omega

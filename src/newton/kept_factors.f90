@@ -1,5 +1,5 @@
 !> Factors that precondition one linear system after another, and are kept while that pays: until iterations of GMRES in excess of
-!> those of their first solve add up to what making them anew is worth, contacts have moved to other ranks, or the series' length has
+!> those of their first solve add up to what making them again is worth, contacts have moved to other ranks, or the series' length has
 !> changed.
 module attrito_newton_kept_factors
   use attrito_core_kinds, only: wp
@@ -13,7 +13,7 @@ module attrito_newton_kept_factors
   real(wp), parameter :: flops_of_iteration = 16.0_wp ! derived
 
   type, abstract :: kept_factors_type
-    !> Contacts and series they were made for; iterations in excess after which to make them anew
+    !> Contacts and series they were made for; iterations in excess after which to make them again
     integer, private :: changes = 0, worth = 0
     !> Iterations of GMRES with them: at first, and beyond that since
     integer, private :: usual = -1, excess = 0
@@ -30,10 +30,10 @@ module attrito_newton_kept_factors
 
 contains
 
-  !> They are made anew.
+  !> They are made again.
   pure subroutine begin(self, changes, worth)
     class(kept_factors_type), intent(inout) :: self
-    !> The balance's count of changes; iterations in excess after which to make them anew
+    !> The balance's count of changes; iterations in excess after which to make them again
     integer, intent(in) :: changes, worth
 
     self%changes = changes
@@ -51,7 +51,7 @@ contains
     pays = self%changes == changes .and. self%excess < self%worth
   end function pays
 
-  !> Iterations after which it is better to make them anew; no limit to those just made.
+  !> Iterations after which it is better to make them again; no limit to those just made.
   pure integer function patience(self)
     class(kept_factors_type), intent(in) :: self
 
@@ -76,10 +76,10 @@ contains
     self%excess = self%worth
   end subroutine discard
 
-  !> Making them anew is worth another number of iterations.
+  !> Making them again is worth another number of iterations.
   pure subroutine set_worth(self, worth)
     class(kept_factors_type), intent(inout) :: self
-    !> Iterations in excess after which to make them anew
+    !> Iterations in excess after which to make them again
     integer, intent(in) :: worth
 
     self%worth = worth

@@ -11,7 +11,7 @@
 !> and preconditions Newton's steps (`preconditioner`): with R, answers hardly converge where a natural frequency of that
 !> structure lies near h omega, the less the more contacts are open, and GMRES takes the more iterations.
 !>
-!> The modes cost as much as many steps. Until they are found no contact has lost anything; they are found, and found anew, when
+!> The modes cost as much as many steps. Until they are found no contact has lost anything; they are found, and found again, when
 !> iterations of GMRES in excess have cost as much, if contacts have changed.
 module attrito_newton_mean_contacts
   use attrito_core_kinds, only: wp

@@ -27,7 +27,7 @@ module attrito_newton_preconditioners
 
 contains
 
-  !> Make ready for a step at the balance's last evaluation, with what is at hand or made anew.
+  !> Make ready for a step at the balance's last evaluation, with what is at hand or made again.
   subroutine prepare(self, balance, stiffening, largest, is_latest, status)
     class(preconditioners_type), intent(inout) :: self
     !> Harmonic balance: loads, contacts, receptance and its last residual
@@ -68,7 +68,7 @@ contains
     call self%blocks%count(iterations)
   end subroutine count
 
-  !> They do not serve: blocks are to be made anew, and modes if these were.
+  !> They do not serve: blocks are to be made again, and modes if these were.
   subroutine discard(self)
     class(preconditioners_type), intent(inout) :: self
 
@@ -76,7 +76,7 @@ contains
     if (self%is_fresh) call self%mean%discard()
   end subroutine discard
 
-  !> Save or load what the next point depends on. Blocks are made anew by it, whether this process solves it or another.
+  !> Save or load what the next point depends on. Blocks are made again by it, whether this process solves it or another.
   subroutine keep(self, store)
     class(preconditioners_type), intent(inout) :: self
     !> Numbers that a point leaves for the next, written or read in turn

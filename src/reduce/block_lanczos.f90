@@ -5,7 +5,7 @@
 !>
 !> A is self-adjoint in M, so H is symmetric. Every block is made orthogonal to all before it, twice. The residual of a pair is known
 !> without the vector, |A v - theta v|_M = |R_{j+1} y_j|. When the space is full the best Ritz vectors and the block that is next
-!> start it anew. What of a block lies in the space already is dropped (so are motions without mass, which A does not reach).
+!> start it again. What of a block lies in the space already is dropped (so are motions without mass, which A does not reach).
 !> Products round by a part of the largest theta: a residual as small as that says no more. Without this floor the modes of a body
 !> that floats, whose rigid motions have a theta millions of times as large, never count as converged.
 !> Sources: Grimes, Lewis & Simon, SIAM J. Matrix Anal. Appl. 15 (1994) 228-272, doi:10.1137/S0895479888151111; Wu & Simon, SIAM J.

@@ -95,7 +95,7 @@ contains
     if (.not. allocated(error)) call choose_place(self, options, progress, error)
     if (allocated(error)) return
     call KSPSetUp(self%solver, ierr)
-    ! A user of the solver (SLEPc) may hand it the same matrix anew; the factors stay.
+    ! A user of the solver (SLEPc) may hand it the same matrix again; the factors stay.
     if (ierr == 0) call KSPSetReusePreconditioner(self%solver, PETSC_TRUE, ierr)
     call check(self, ierr, error)
     if (allocated(error)) return

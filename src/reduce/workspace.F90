@@ -325,7 +325,7 @@ contains
     if (.not. allocated(error)) self%report = transfer(numbers, self%report)
   end subroutine restore_report
 
-  !> Modes are to be computed anew, and what follows from them.
+  !> Modes are to be computed again, and what follows from them.
   subroutine forget_modes(self)
     class(workspace_type), intent(in) :: self
 

@@ -3,7 +3,7 @@
 !> $$ (I + R D) \, \delta d = \rho $$
 !>
 !> Newton's method does with a few digits of a step, and GMRES stops there; derivatives take all of them, which one solve finds in
-!> fewer iterations than several that each begin anew.
+!> fewer iterations than several that each begin again.
 module attrito_sensitivity_accurate_step
   use attrito_core_kinds, only: wp
   use attrito_balance_harmonic_balance, only: balance_type

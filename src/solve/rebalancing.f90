@@ -1,6 +1,6 @@
 !> Contacts shared out over ranks by the work they are, not by their number: a stuck contact costs next to nothing.
 !>
-!> Ranks keep contiguous runs of contacts, cut where the work of all that come before is an even part of the total; they are cut anew
+!> Ranks keep contiguous runs of contacts, cut where the work of all that come before is an even part of the total; they are cut again
 !> when that would relieve the busiest rank. The work is counted from states, so it is the same on every run.
 module attrito_solve_rebalancing
   use attrito_core_kinds, only: wp
@@ -25,7 +25,7 @@ module attrito_solve_rebalancing
 
 contains
 
-  !> Share out anew after the last point if it pays; fields follow.
+  !> Share out again after the last point if it pays; fields follow.
   subroutine rebalance(solver, fields)
     !> Solver of points, which this moves
     type(solver_type), intent(inout) :: solver

@@ -26,7 +26,7 @@ module attrito_stability_shooting
   real(wp), parameter :: settled = 1.0e-12_wp ! derived
   !> Modes in the monodromy that Newton's method takes, at most
   integer, parameter :: most_modes = 100 ! conventional
-  !> Part to which a step shrinks while the monodromy is not made anew
+  !> Part to which a step shrinks while the monodromy is not made again
   real(wp), parameter :: shrinks = 0.1_wp ! guess
   !> Part of its radius by which a slider that slips is put beyond it
   real(wp), parameter :: beyond = 1.0e-10_wp ! derived

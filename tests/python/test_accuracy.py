@@ -292,7 +292,7 @@ def test_peaks_by_tolerance_have_the_harmonics_that_it_takes(tmp_path):
         with h5py.File(tmp_path / "result.peaks.h5") as file:
             amplitude.append(file["peaks/amplitude"][-1])
         if "tolerance" in balance:
-            assert "above the tolerance: anew with 10 harmonics" in done.stdout
+            assert "above the tolerance: again with 10 harmonics" in done.stdout
     assert amplitude[0] == pytest.approx(amplitude[1], rel=1e-4)
 
 

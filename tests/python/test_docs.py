@@ -37,7 +37,7 @@ ROOT = Path(__file__).resolve().parents[2]
 PAGES = sorted([ROOT / "README.md", ROOT / "CONTRIBUTING.md", *(ROOT / "docs").rglob("*.md")])
 
 # Figures of speech, where a plain word says it: report, list, follow, drift, move
-FIGURATIVE = re.compile(r"\b(told|tells|walk(s|ed)?|heeds?|wander(s|ed)?|astray|foothold|nudged)\b", re.IGNORECASE)
+FIGURATIVE = re.compile(r"\b(told|tells|anew|walk(s|ed)?|heeds?|wander(s|ed)?|astray|foothold|nudged)\b", re.IGNORECASE)
 
 COMMAND = re.compile(r"\s*(mpirun .*attrito|\.venv/bin/attrito|attrito) ")
 

@@ -46,7 +46,7 @@ def test_a_peak_above_the_tolerance_by_its_own_error_is_solved_with_more_harmoni
     made = at_level(40.0, 3) | {"balance": {"tolerance": 1e-5}}
     done = attrito(tmp_path, "peak", write_job(tmp_path, made))
     assert done.returncode == 0, done.stdout + done.stderr
-    assert "anew with" in done.stdout + done.stderr
+    assert "again with" in done.stdout + done.stderr
     assert all(
         float(row["amplitude_error"]) <= 1e-5 for row in table(tmp_path, result=next(tmp_path.glob("*.h5")).name)
     )

@@ -48,7 +48,7 @@ def test_tetrahedra_of_gmsh_have_their_last_edges_exchanged_and_wedges_are_left_
 
 
 GMSH_FAULTS = {
-    "an old format": (lambda data: data.replace(b"2.2 0 8", b"1.0 0 8"), "$MeshFormat = '1.0 0 8'", "save it anew"),
+    "an old format": (lambda data: data.replace(b"2.2 0 8", b"1.0 0 8"), "$MeshFormat = '1.0 0 8'", "save it again"),
     "cut off": (lambda data: data[:400], "$Nodes = 'no end'", "the file is cut off"),
     "no elements": (lambda data: data.partition(b"$Elements")[0], "$Elements is missing", "nodes and elements"),
     "nodes that lack": (lambda data: data.replace(b"$Nodes\n20", b"$Nodes\n21"), "$Nodes = 'ends before", "a whole"),

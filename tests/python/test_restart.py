@@ -256,7 +256,7 @@ def test_a_run_that_begins_anew_keeps_the_journal_it_finds_until_it_is_done(cut,
 
 
 @pytest.mark.parametrize("points", [True, False], ids=["some points", "no point"])
-@pytest.mark.parametrize("resume", [["--resume"], []], ids=["resume", "anew"])
+@pytest.mark.parametrize("resume", [["--resume"], []], ids=["resume", "again"])
 def test_a_journal_in_use_is_left_alone(cut, tmp_path, capfd, points, resume):
     journal = copy_of(cut, tmp_path)
     if not points:

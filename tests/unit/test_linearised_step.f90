@@ -36,7 +36,7 @@ program test_linearised_step
                       test('the preconditioner of one block is the inverse', exact_preconditioner), &
                       test('means of contacts are solved for exactly, and respond as they are', means_alone), &
                       test('a preconditioner kept from another motion leaves the step what it is', kept_preconditioner), &
-                      test('a preconditioner that costs more iterations than to make it is made anew', worn_preconditioner), &
+                      test('a preconditioner that costs more iterations than to make it is made again', worn_preconditioner), &
                       test('factors kept serve another right-hand side, and count as less work', kept_factors), &
                       test('by GMRES the step takes the same iterations whatever the unit of force', any_unit), &
                       test('what GMRES does not finish makes its preconditioner void', unfinished), &
@@ -272,7 +272,7 @@ contains
       call balance%evaluate(motion, 1.02_wp*omega, status)
       call check(error, active /= balance%active%count, 'the same contacts move: the test is void')
       call solve_linearised(balance, random_constraint(), right, by_gmres(krylov_tolerance), step, iterations, status, kept)
-      call check(error, status == 0 .and. abs(flops - kept%blocks%flops) <= 0.0_wp, 'it was made anew: the test is void')
+      call check(error, status == 0 .and. abs(flops - kept%blocks%flops) <= 0.0_wp, 'it was made again: the test is void')
       call apply_linearised(balance, random_constraint(), step, back)
       call check_close(error, packed(back), packed(right), 2.0_wp*krylov_tolerance*norm2(packed(step)), 'the step put back')
       call balance%destroy()
@@ -312,7 +312,7 @@ contains
     end do
   end subroutine means_alone
 
-  !> Iterations beyond those of the first solve add up; contacts shared out anew, and springs kept, count at once.
+  !> Iterations beyond those of the first solve add up; contacts shared out again, and springs kept, count at once.
   subroutine worn_preconditioner(error)
     type(error_type), allocatable, intent(out) :: error
     type(balance_type) :: balance

@@ -119,7 +119,7 @@ def _sections(path: str, data: bytes) -> tuple[dict[str, _Section], int]:
     version = head[0].decode(errors="replace") if head else "none"
     if len(head) != 3 or version not in ("2", "2.1", "2.2", "4.1") or head[1] not in b"01" or head[2] not in b"48":
         value = " ".join(word.decode(errors="replace") for word in head)
-        raise refuse(path, "$MeshFormat", value, "format 2.2 or 4.1: save it anew with gmsh")
+        raise refuse(path, "$MeshFormat", value, "format 2.2 or 4.1: save it again with gmsh")
     binary, size = head[1] == b"1", int(head[2])
     if binary and np.frombuffer(data.partition(HEADER)[2].partition(head[2] + b"\n")[2][:4].ljust(4), "<i4")[0] != 1:
         raise refuse(path, "$MeshFormat", "the last byte first", "binary data with the first byte first, or text")

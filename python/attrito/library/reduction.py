@@ -148,7 +148,7 @@ def reduce_model(
     options : how many modes, and how they are found
     vectors : `[nv, n]`, loads and monitors; rank 0's are taken. Those that act inside get a static correction each.
     recovered : dofs whose motion can be had from that of the reduced model, from 0, the same on every rank; None: all
-    fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts anew
+    fingerprint : of the matrices and all that is asked; empty: an interrupted reduction starts again
     listener : called with progress on rank 0: a step, how much of it is done, of how much; or a sentence, and 0, 0
 
     Raises

@@ -1,4 +1,4 @@
-"""The outer surface of a mesh with few vertices, for views that are drawn anew many times a second.
+"""The outer surface of a mesh with few vertices, for views that are drawn again many times a second.
 
 Where there are more vertices than asked for, those of one body within one cell of a grid become one, the one nearest to
 their middle (vertex clustering; Rossignac & Borrel 1993, doi:10.1007/978-3-642-78114-8_29). Faces that lose more than

@@ -1,6 +1,6 @@
 """`attrito campbell`: tangent modes of a job's scene against the speed of rotation, into an HDF5 file.
 
-At each speed the static solution is found anew, from the start of its load path: contacts that are open there are open
+At each speed the static solution is found again, from the start of its load path: contacts that are open there are open
 in the modes, the others stick. Of a wheel these are the modes of each nodal diameter.
 """
 

@@ -1,6 +1,6 @@
 """Harmonics that stay the same along a curve of peaks, and are chosen for all of it.
 
-Where the job leaves them to its tolerance, the curve is followed with the first of a few series, and anew with the next
+Where the job leaves them to its tolerance, the curve is followed with the first of a few series, and again with the next
 while the estimated error of any of its points is above the tolerance. The points of the last one keep that outcome.
 """
 

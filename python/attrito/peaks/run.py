@@ -61,7 +61,7 @@ def _follow_and_show(comm: Comm, job: Job, scene: Scene | None, file: str, pictu
     broken = ""
     for options in series:
         if found:
-            progress.say(f"above the tolerance: anew with {options.harmonics} harmonics, {options.samples} samples")
+            progress.say(f"above the tolerance: again with {options.harmonics} harmonics, {options.samples} samples")
         found = []
         with (
             Solver(comm, reduced, options) as solver,
@@ -142,7 +142,7 @@ def follow(
                     yield Found(optimum, "optimum")
                 peak = tracker.at(peak.parameter)
                 if peak.outcome != "not_converged":
-                    # Rounding decides the search's last values: steps farther on begin anew, by no tangent of theirs.
+                    # Rounding decides the search's last values: steps farther on begin again, by no tangent of theirs.
                     tracker.follow_in(tracker.parameter)
             count += 1
             if reached and peak.outcome != "not_converged":

@@ -62,7 +62,7 @@ class Journal:
     Parameters
     ----------
     path : the file
-    keep : bytes of it to go on after; 0 makes it anew
+    keep : bytes of it to go on after; 0 makes it again
 
     Raises
     ------

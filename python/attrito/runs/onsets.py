@@ -18,10 +18,10 @@ from attrito.library.family import Family
 # much less it slips for some sqrt(MARGIN) of a period, and by events derivatives are off by as much: with four times as
 # much less by twice that, so that both together are as exact as MARGIN.
 MARGIN = 1e-9
-# With two tangents members are solved anew, so that friction differs by more than what sliders are found to; by samples
+# With two tangents members are solved again, so that friction differs by more than what sliders are found to; by samples
 # the same ones slip, which is exact until the next ones do.
 MARGIN_OF_SLIDERS = 1e-7
-# Members that are solved anew may stick where they are missed by as much as they are solved to: how much more is tried
+# Members that are solved again may stick where they are missed by as much as they are solved to: how much more is tried
 FACTORS = (1.0, 10.0, 100.0)
 # By how much rates of dissipation with friction smaller by one and by four margins may differ: by events some 1e-4, by
 # samples as the next ones slip
@@ -61,7 +61,7 @@ def branches(family: Family, onset: Onset, find: Find, sliders_move: bool) -> tu
     Parameters
     ----------
     find : what describes the member and gives its derivatives
-    sliders_move : are there contacts with two tangents, whose sliders are unknowns: members are solved anew
+    sliders_move : are there contacts with two tangents, whose sliders are unknowns: members are solved again
     """
     family.keep(0)
 

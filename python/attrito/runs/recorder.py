@@ -70,7 +70,7 @@ class Recorder:
         self._new: dict[str, Series] = {}
 
     def begin(self, first: Record) -> None:
-        """Make the journal anew, with what holds for the run."""
+        """Make the journal again, with what holds for the run."""
         on_root(self._comm, lambda: self._open(0, first))
 
     def resume(self, job_file: str, first: Record | None, search: Search | None = None) -> RunPosition:
@@ -246,11 +246,11 @@ def digest(scene: ReducedScene, load_path: np.ndarray) -> str:
 
 def _check(job_file: str, path: str, now: dict, before: dict) -> None:
     """Only what would go on bit for bit may go on."""
-    anew = "; or a run without --resume, which begins anew"
+    again = "; or a run without --resume, which begins again"
     own, earlier = (json.loads(one["attributes"]["job"]) for one in (now, before))
     retire(earlier)
     faults = [
-        Fault(job_file, key, value, f"{then}, as {path} began with{anew}")
+        Fault(job_file, key, value, f"{then}, as {path} began with{again}")
         for key, value, then in _differences(own, earlier)
     ]
     names = {
@@ -264,7 +264,7 @@ def _check(job_file: str, path: str, now: dict, before: dict) -> None:
         new = now.get(name, now["attributes"].get(name))
         if old != new and not (name == "digest" and faults):
             shown = (new, old) if name != "digest" else (new[:12], old[:12])
-            faults.append(Fault(job_file, what, shown[0], f"{shown[1]}, as {path} began with{anew}"))
+            faults.append(Fault(job_file, what, shown[0], f"{shown[1]}, as {path} began with{again}"))
     if faults:
         raise InputError(*faults)
 

@@ -131,7 +131,7 @@ def _under(
         return Claim(path, False, lock)
     if path == last:
         if there:
-            expected = "the reduced model of this job: delete the file, and it is made anew"
+            expected = "the reduced model of this job: delete the file, and it is made again"
             raise InputError(Fault(path, "fingerprint", there, expected))
         return Claim(path, False, lock)
     others = there or _interrupted(path) not in ("", fingerprint)

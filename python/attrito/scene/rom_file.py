@@ -11,7 +11,7 @@ from attrito.support.errors import Fault, InputError
 from attrito.support.file_sums import checked
 from attrito.support.hdf5_reading import UNREADABLE, stored
 
-ROM = "a rom.h5 of `attrito reduce` (delete it, and it is made anew)"
+ROM = "a rom.h5 of `attrito reduce` (delete it, and it is made again)"
 # Error below which modes, solved to residuals of 1e-12, tell nothing
 LEAST_ERROR = 1e-12
 

@@ -60,7 +60,7 @@ def with_neighbours(
 
     Returns
     -------
-    a model whose first N nodes are the sector's own, and the motion of its nodes; nodes are numbered anew
+    a model whose first N nodes are the sector's own, and the motion of its nodes; nodes are numbered again
     """
     order = np.argsort(model.node_ids)
     rows = {

@@ -86,7 +86,7 @@ class SampleResponses(SlopedPeaks):
         (row,) = self.at(middle, sloped=False)
         if row["frequency_hz"] is None:
             raise UnsolvedError(self._study.file, "no peak in the middle of what is varied")
-        # As a run sweeps: sliders that begin anew at every point may make the curve jump.
+        # As a run sweeps: sliders that begin again at every point may make the curve jump.
         reduced, load_path, options = super().scene_of(changed)
         level, preload = self._factors(middle, 0)
         sweep = changed["sweep"]

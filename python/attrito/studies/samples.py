@@ -30,7 +30,7 @@ class Samples:
     ----------
     comm : group of ranks
     base : scene of a job that the others differ from in contacts' laws, load path and damping alone, on rank 0; None
-        where each is to be built anew
+        where each is to be built again
     rom : the reduced model of them all, on rank 0, where they have one
     """
 

@@ -10,7 +10,7 @@ import numpy as np
 
 BOX = 1e5
 TOLERANCE = 1e-11
-# Part of the largest |b| that rounding may leave of the rows that hold a maximum; beyond, the basis is inverted anew
+# Part of the largest |b| that rounding may leave of the rows that hold a maximum; beyond, the basis is inverted again
 DRIFT = 1e-8
 PIVOT = 1e-9
 SLACK = 1e-12
