@@ -3,9 +3,9 @@
     .venv/bin/python benchmarks/loops.py [--job input/lap_joint.toml] [--hz 137.385] [--steps 20000]
 
 A frequency of the job is solved at its first level, with its own harmonics. The motion of every contact is then
-followed step by step by the law itself, written again here: a spring, a Coulomb slider of two tangents by radial return,
-lift-off; period after period until no slider ends elsewhere than it began. W is the sum over steps of the work of the
-friction force, its mean over the step, times the step of the motion. JSON on standard
+followed step by step by the law itself, written again here: a spring, a Coulomb slider of two tangents by radial
+return, lift-off; period after period until no slider ends elsewhere than it began. W is the sum over steps of the work
+of the friction force, its mean over the step, times the step of the motion. JSON on standard
 output: W of the balance over W of the loops, less 1, of all contacts together and of the worst one that dissipates a
 hundredth of what the largest does. The job's model must be there.
 """

@@ -1,5 +1,5 @@
-!> What `result.h5` holds of a point, series by series; the layout is in docs/reference/files.md. Each rank has its own contacts, and the
-!> root, to whom they are gathered, hands them to its listener.
+!> What `result.h5` holds of a point, series by series (docs/reference/files.md). The root, to whom the contacts of all ranks are
+!> gathered, hands them to its listener.
 module attrito_output_point_series
   use, intrinsic :: ieee_arithmetic, only: ieee_value, ieee_quiet_nan
   use attrito_core_kinds, only: wp, two_pi

@@ -1,7 +1,7 @@
 """Harmonics that stay the same along a curve of peaks, and are chosen for all of it.
 
-Where the job leaves them to its tolerance, the curve is followed with the first of a few series, and again with the next
-while the estimated error of any of its points is above the tolerance. The points of the last one keep that outcome.
+If the job leaves them to its tolerance, the curve is followed with the first of a few series, and again with the next
+one while the estimated error of any of its points is above the tolerance. The points of the last one keep that outcome.
 """
 
 from __future__ import annotations

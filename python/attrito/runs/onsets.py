@@ -18,8 +18,7 @@ from attrito.library.family import Family
 # much less it slips for some sqrt(MARGIN) of a period, and by events derivatives are off by as much: with four times as
 # much less by twice that, so that both together are as exact as MARGIN.
 MARGIN = 1e-9
-# With two tangents members are solved again, so that friction differs by more than what sliders are found to; by samples
-# the same ones slip, which is exact until the next ones do.
+# With two tangents members are solved again, so that friction differs by more than what sliders are found to.
 MARGIN_OF_SLIDERS = 1e-7
 # Members that are solved again may stick where they are missed by as much as they are solved to: how much more is tried
 FACTORS = (1.0, 10.0, 100.0)
