@@ -11,7 +11,8 @@ from matplotlib.transforms import Bbox
 
 from attrito.charts.file import Chart, Way, stored_table, write
 from attrito.charts.plot import SIZE, picture, picture_of_chart
-from attrito.plots.style import Look, label_short_log
+from attrito.plots.style import Look
+from attrito.plots.ticks import label_short_log
 
 # Error, seconds and counted work of ways: two near each other, two at one error, one at the right-hand end of the panel
 NEAR = [

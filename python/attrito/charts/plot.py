@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 
 from attrito.charts.file import SERIES, Chart, read
 from attrito.charts.labels import label_marks
-from attrito.plots.style import BRANCH_COLOURS, Look, label_short_log
+from attrito.plots.style import BRANCH_COLOURS, Look
+from attrito.plots.ticks import label_short_log
 
 MARKERS = dict(zip(SERIES, ("o", "s", "^", "v", "D", "H", "p", "x", "+", "P", "s", "D", "o", "s"), strict=True))
 HUES = (

@@ -12,7 +12,8 @@ from attrito.fits.design import Parameter
 from attrito.fits.estimate import Profile
 from attrito.fits.found import Found
 from attrito.fits.measured import COLUMNS, SIGNED
-from attrito.plots.style import BRANCH_COLOURS, DASHES, LIMIT_COLOUR, STYLE, label_short_log, plain_text, with_unit
+from attrito.plots.style import BRANCH_COLOURS, DASHES, LIMIT_COLOUR, STYLE, plain_text, with_unit
+from attrito.plots.ticks import label_short_log
 from attrito.support.units import axis_unit
 
 LABELS = {

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 from attrito.library.names import OUTCOMES
 from attrito.peaks.curve import KINDS
 from attrito.peaks.file import read_peaks, smooth_curve
-from attrito.plots.style import BRANCH_COLOURS, Look, label_short_log, plain_text, with_unit
+from attrito.plots.style import BRANCH_COLOURS, Look, plain_text, with_unit
+from attrito.plots.ticks import label_short_log
 from attrito.support.units import axis_unit
 
 STUCK_COLOUR = "#8a8a8a"

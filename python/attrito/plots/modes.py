@@ -6,7 +6,8 @@ import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 
-from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, Look, label_short_log, with_unit
+from attrito.plots.style import BRANCH_COLOURS, LIMIT_COLOUR, Look, with_unit
+from attrito.plots.ticks import label_short_log
 from attrito.results.result import Result
 
 # Of the largest damping ratio: what is drawn of others

@@ -22,7 +22,8 @@ from matplotlib.ticker import MaxNLocator
 
 from attrito.library.names import NO_SOLUTION, REFERENCES
 from attrito.plots.labels import names_of
-from attrito.plots.style import DASHES, Look, label_short_log, legend_below, plain_text, with_unit
+from attrito.plots.style import DASHES, Look, legend_below, plain_text, with_unit
+from attrito.plots.ticks import label_short_log
 from attrito.results.curve import Curve
 from attrito.results.motion import DERIVATIVES, QUANTITIES, curve_of_quantity, unit_of
 from attrito.results.result import Result

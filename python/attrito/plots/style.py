@@ -14,11 +14,10 @@ import matplotlib.style
 import numpy as np
 from matplotlib import font_manager
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure, SubFigure
-from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 from matplotlib.transforms import ScaledTranslation
 
+from attrito.plots.ticks import plain_ticks
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import Fault, InputError
 
@@ -36,7 +35,6 @@ STYLE = {
     "axes.linewidth": 0.8,
     "axes.grid": True,
     "axes.axisbelow": True,
-    "axes.formatter.use_mathtext": True,
     "axes.formatter.limits": (-3, 4),
     "grid.color": "#e6e6e6",
     "grid.linewidth": 0.6,
@@ -140,6 +138,7 @@ def save(figure: Figure, path: str | os.PathLike[str], dpi: int = DPI) -> None:
     try:
         # Into memory first: where a disk is full, matplotlib's writers fail in ways of their own.
         drawn = io.BytesIO()
+        plain_ticks(figure)
         with matplotlib.rc_context(STYLE):
             figure.savefig(drawn, dpi=dpi, format=kind)
         with whole_file(path) as new:
@@ -165,18 +164,6 @@ def legend_below(axes: Axes, columns: int, labelled: Axes | None = None, lines: 
     axes.legend(
         handles.values(), handles.keys(), **place, ncol=columns, columnspacing=1.2, handlelength=1.8, borderaxespad=0
     )
-
-
-def label_short_log(axis: Axis) -> None:
-    """Plain numbers on a logarithmic axis of less than two decades: at 1, 2 and 5, or more within a single decade.
-
-    To be called when the curves are drawn.
-    """
-    low, high = axis.get_view_interval()
-    if 0.0 < high < 100.0 * low:
-        axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
-        axis.set_major_formatter(StrMethodFormatter("{x:g}"))
-        axis.set_minor_formatter(NullFormatter())
 
 
 def _label_points() -> float:

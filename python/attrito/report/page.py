@@ -15,6 +15,8 @@ from importlib.resources import files
 import matplotlib
 from matplotlib.figure import Figure
 
+from attrito.plots.ticks import plain_ticks
+
 CSS = """
 :root { color-scheme: light; --ink: #1c2733; --faint: #5c6b7a; --line: #d8dee5; --wash: #f4f6f8; --warn: #9a3d00; }
 * { box-sizing: border-box; }
@@ -225,6 +227,7 @@ def _stage(caption: str) -> str:
 def inline_svg(figure: Figure, prefix: str, label: str) -> str:
     """A figure as an SVG element that scales with the page; its ids begin with the prefix, so that no two are equal."""
     stream = io.StringIO()
+    plain_ticks(figure)
     with matplotlib.rc_context({"svg.fonttype": "none", "svg.hashsalt": prefix}):
         figure.savefig(stream, format="svg", metadata={"Date": None, "Creator": None})
     text = stream.getvalue()
