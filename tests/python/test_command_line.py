@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import shlex
+import subprocess
+import sys
 
 import pytest
+from jobs import TIMEOUT, run, wedge
 
 from attrito.cli.arguments import parser
 from attrito.cli.words import EXAMPLES, in_groups
@@ -38,3 +41,15 @@ def test_a_word_that_is_near_no_command_is_answered_without_a_guess(capfd):
     with pytest.raises(SystemExit):
         parser().parse_args(["xyz"])
     assert "no command 'xyz' (attrito --help lists all)" in capfd.readouterr().err
+
+
+def test_a_table_waits_for_no_picture_and_no_numerics(tmp_path):
+    run(tmp_path, wedge())
+    code = (
+        "import sys; from attrito.cli.program import main; code = main(['table', 'result.h5']);"
+        "heavy = [name for name in ('matplotlib', 'meshio', 'scipy', 'mpi4py.MPI') if name in sys.modules];"
+        "sys.exit(code or ' '.join(heavy) or 0)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=TIMEOUT)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("point,branch")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import argparse
 import glob
+import importlib
 import shlex
 import sys
 from dataclasses import replace
@@ -248,24 +249,25 @@ def table(options: argparse.Namespace) -> None:
     print(options.output)
 
 
+# What makes the table of a file of each format, imported by it alone: nobody who wants a table waits for pictures.
+TABLE_OF = {
+    "attrito peaks": "attrito.peaks.file:table",
+    "attrito fit": "attrito.fits.table:table",
+    "attrito optimum": "attrito.optima.table:table",
+    "attrito chart": "attrito.charts.file:stored_table",
+    "attrito study": "attrito.studies.table:table",
+    "attrito linear modes": "attrito.modes.table:linear_table",
+    "attrito mode": "attrito.modes.table:table",
+    "attrito campbell diagram": "attrito.modes.table:campbell_table",
+}
+
+
 def _table(options: argparse.Namespace) -> str:
     """The text of a table."""
-    from attrito.charts.file import holds_chart
-    from attrito.charts.file import stored_table as chart_table
-    from attrito.cli.applies import check_table
-    from attrito.fits.table import holds_fit
-    from attrito.fits.table import table as fit_table
-    from attrito.modes import campbell, linear
-    from attrito.modes.table import table as mode_table
-    from attrito.optima.table import holds_optimum
-    from attrito.optima.table import table as optimum_table
-    from attrito.peaks.file import holds_peaks
-    from attrito.peaks.file import table as peak_table
+    from attrito.cli.applies import OF_TABLES, check_table
     from attrito.results import tables
-    from attrito.results.result import CAMPBELL, LINEAR_MODES, MODE, Result
-    from attrito.studies.table import FORMAT as STUDY
-    from attrito.studies.table import band_table, holds_study
-    from attrito.studies.table import table as study_table
+    from attrito.results.result import Result
+    from attrito.support.hdf5_reading import format_of
 
     kinds = {
         "contacts": tables.contact_table,
@@ -277,28 +279,21 @@ def _table(options: argparse.Namespace) -> str:
     asked = next((name for name in kinds if getattr(options, name)), None)
     if options.columns and (asked or options.curve is not None):
         raise InputError(Fault("table", "--columns", ", ".join(options.columns), "the table of points"))
-    if holds_study(options.result):
-        check_table(options, STUDY)
-        return band_table(options.result) if options.bands else study_table(options.result)
-    others = (
-        (holds_peaks, peak_table),
-        (holds_fit, fit_table),
-        (holds_optimum, optimum_table),
-        (holds_chart, chart_table),
-    )
-    for holds, work in others:
-        if holds(options.result):
-            check_table(options, None)
-            return work(options.result)
+    form = format_of(options.result)
+    work = None
+    if form in TABLE_OF:
+        module, name = TABLE_OF[form].split(":")
+        work = getattr(importlib.import_module(module), "band_table" if options.bands else name)
+    if work is not None and (form == "attrito study" or form not in OF_TABLES):
+        check_table(options, form if form in OF_TABLES else None)
+        return work(options.result)
     with Result(options.result) as result:
-        form = result.attribute("format")
-        check_table(options, form)
+        check_table(options, result.attribute("format"))
         if options.curve is not None:
             return tables.curve_table(result, options.curve)
         if asked is not None:
             return kinds[asked](result)
-        of_format = {LINEAR_MODES: linear.table, MODE: mode_table, CAMPBELL: campbell.table}
-        return of_format[form](result) if form in of_format else tables.table(result, options.columns or ())
+        return work(result) if work is not None else tables.table(result, options.columns or ())
 
 
 def plot(options: argparse.Namespace) -> None:

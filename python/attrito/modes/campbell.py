@@ -22,8 +22,6 @@ from attrito.job.reading import read_job
 from attrito.modes.crossings import Crossing, crossings
 from attrito.modes.families import KINDS, Family, families_of, meaning_of_diameters
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
-from attrito.plots.campbell import campbell_diagram
-from attrito.plots.style import save
 from attrito.results.result import CAMPBELL, Result
 from attrito.runs.progress import Progress
 from attrito.scene.at_speed import RotatingScene, rotating_scene
@@ -105,6 +103,9 @@ def campbell_job(comm: Comm, path: str | Job, picture: str | None = None) -> str
         on_root(comm, lambda: _write(file, job, prepared, found, met, progress.warnings))
 
     def draw() -> None:
+        from attrito.plots.campbell import campbell_diagram
+        from attrito.plots.style import save
+
         with Result(file) as result:
             save(campbell_diagram(result), picture)
 
@@ -281,16 +282,3 @@ def _write_crossings(file: h5py.File, met: list[Crossing]) -> None:
     ):
         if None not in values:
             described(file, f"crossings/{name}", description, data=np.array(values, dtype=np.int32))
-
-
-def table(result: Result) -> str:
-    """CSV, a line a mode: `speed_hz, nodal_diameter, mode, frequency_hz`; no nodal diameter but of a wheel."""
-    speed, frequency = result.array("/points/speed_hz"), result.array("/points/frequency_hz")
-    mode = result.array("/points/mode")
-    diameter = [""] * len(speed)
-    if result.has("/points/nodal_diameter"):
-        diameter = [str(n) for n in result.array("/points/nodal_diameter")]
-    lines = ["speed_hz,nodal_diameter,mode,frequency_hz"]
-    for row in zip(speed, diameter, mode, frequency, strict=True):
-        lines.append(f"{row[0]:.12g},{row[1]},{row[2]},{row[3]:.12g}")
-    return "\n".join(lines) + "\n"

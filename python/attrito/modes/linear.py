@@ -17,8 +17,7 @@ from attrito.library.session import Solver
 from attrito.modes.families import KINDS, Family, families_of, meaning_of_diameters
 from attrito.modes.frequency_slopes import frequency_slopes, spring_rates
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
-from attrito.results.derivatives import derivative_columns
-from attrito.results.result import LINEAR_MODES, Result
+from attrito.results.result import LINEAR_MODES
 from attrito.runs.linear_references import MEANINGS
 from attrito.runs.progress import Progress
 from attrito.runs.sensitivity import SERIES, rates_of
@@ -26,7 +25,6 @@ from attrito.scene.build import build_scene
 from attrito.scene.reduced_sector import attributes_of_sector, axes_of_sector
 from attrito.scene.scene import Scene
 from attrito.support.atomic_files import whole_hdf5
-from attrito.support.csv_text import cell, numbers
 from attrito.support.hdf5_writing import described
 from attrito.support.locks import writing_alone
 from attrito.support.parallel import on_root, on_root_only
@@ -157,26 +155,3 @@ def _write_shapes(file: h5py.File, prepared: Prepared, shapes: np.ndarray) -> No
     for name, vector in zip(prepared.reduced.monitor_names, prepared.reduced.monitors, strict=True):
         for part, values in parts.items():
             described(file, f"monitors/{name}/{part}", f"{part} at the monitor", unit, data=values @ vector)
-
-
-def table(result: Result) -> str:
-    """The modes as CSV: `mode, frequency_hz, kind, damping_ratio`, then the shape at each monitor.
-
-    Of a wheel `nodal_diameter` follows `mode`, and the shape is its parts `_cosine` and `_sine`. `frequency by NAME`,
-    last, are the derivatives by `[sensitivity] to`.
-    """
-    is_wheel = result.has("/points/nodal_diameter")
-    parts = ("cosine", "sine") if is_wheel else ("shape",)
-    columns = [("mode", [str(i + 1) for i in range(result.points)])]
-    if is_wheel:
-        columns.append(("nodal_diameter", [str(n) for n in result.array("/points/nodal_diameter")]))
-    columns.append(("frequency_hz", numbers(result.array("/points/frequency_hz"))))
-    columns.append(("kind", result.named("/points/kind")))
-    columns.append(("damping_ratio", numbers(result.array("/points/damping_ratio"))))
-    for name in result.monitors:
-        for part in parts:
-            heading = f"{name}_{part}" if is_wheel else name
-            columns.append((cell(heading), numbers(result.monitor(name, part))))
-    columns += derivative_columns(result, {"frequency": "frequency_hz"})
-    lines = [[name for name, _ in columns], *zip(*(values for _, values in columns), strict=True)]
-    return "\n".join(map(",".join, lines)) + "\n"

@@ -23,8 +23,6 @@ from attrito.modes.quasi_static import QuasiStaticTracker
 from attrito.modes.scene_at_rest import Prepared, prepare, solver_at_rest
 from attrito.modes.tracker import ModeTracker
 from attrito.peaks.fixed_series import fixed_series
-from attrito.plots.modes import mode_curve
-from attrito.plots.style import save
 from attrito.results.journal import Record, find_earlier, read_journal, remove_journals
 from attrito.results.result import MODE, Result
 from attrito.results.result_file import fill_result
@@ -117,6 +115,9 @@ def _follow_and_show(
             recorder.close()
 
     def show() -> str:
+        from attrito.plots.modes import mode_curve
+        from attrito.plots.style import save
+
         with whole_hdf5(file) as whole:
             fill_result(whole, journal)
             whole.attrs["warnings"] = "\n".join(progress.warnings)

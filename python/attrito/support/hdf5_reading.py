@@ -47,13 +47,18 @@ def stored(path: str | Path, expected: str) -> Iterator[h5py.File]:
         raise spoilt(path, error, expected) from error
 
 
-def is_of_format(path: str | Path, name: str) -> bool:
-    """Whether a file's attribute `format` is this; False too where it is no file that can be read."""
+def format_of(path: str | Path) -> str:
+    """A file's attribute `format`; empty if it has none, or is no file that can be read."""
     try:
         with h5py.File(path, "r") as file:
-            return as_text(file.attrs.get("format", "")) == name
+            return as_text(file.attrs.get("format", ""))
     except UNREADABLE:
-        return False
+        return ""
+
+
+def is_of_format(path: str | Path, name: str) -> bool:
+    """Whether a file's attribute `format` is this; False too if it is no file that can be read."""
+    return format_of(path) == name
 
 
 def spoilt(path: str | Path, error: BaseException, expected: str) -> InputError:
