@@ -112,6 +112,7 @@ module attrito_balance_harmonic_balance
     procedure :: respond_to_active
     procedure :: residual_omega
     procedure :: imbalance
+    procedure :: slide_in
     procedure :: remove_drift
     procedure :: slip_radii, largest_slip_radius
     procedure :: recover

@@ -4,8 +4,9 @@
 !>
 !> $$ \sum_k c_k < \epsilon. $$
 !>
-!> Within them the branch may turn into mean positions (`attrito_solve_rigid_drift`), which is its end if no longer step converges. Or
-!> it creeps: one step after the other is taken only when a longer one has failed. However many such steps follow, they show nothing.
+!> Within them the branch may turn into a slide along all contacts (`attrito_solve_rigid_drift`), which is its end if no longer step
+!> converges. Or it creeps: one step after the other is taken only when a longer one has failed. However many such steps follow, they
+!> show nothing.
 module attrito_continuation_hidden_steps
   use attrito_core_kinds, only: wp
   use attrito_core_state_store, only: state_store_type
@@ -20,12 +21,12 @@ module attrito_continuation_hidden_steps
   type :: hidden_steps_type
     !> Change of the drawn curve by them
     real(wp), private :: change = huge(1.0_wp)
-    !> Part of the tangent that is anything but means where they began, 0 to 1
+    !> Part of the tangent that is anything but a slide where they began, 0 to 1
     real(wp), private :: share = 0.0_wp
     !> Steps that had failed as longer ones; has the next one?
     integer, private :: crept = 0
     logical, private :: has_failed = .false.
-    !> Has the branch turned into mean positions?
+    !> Has the branch turned into a slide?
     logical :: turn_into_mean = .false.
   contains
     procedure :: add
@@ -41,7 +42,7 @@ contains
     class(hidden_steps_type), intent(inout) :: self
     !> Of the drawn curve, relative, and what of it shows
     real(wp), intent(in) :: change, tolerance
-    !> Part of the tangent that is anything but means, where the step began and where it ended, 0 to 1
+    !> Part of the tangent that is anything but a slide, where the step began and where it ended, 0 to 1
     real(wp), intent(in) :: before, share
 
     self%change = self%change + change

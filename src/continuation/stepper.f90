@@ -29,7 +29,7 @@ module attrito_continuation_stepper
   use attrito_continuation_step_length, only: default_tolerance, first_length, smallest_step, given_up, next_length, &
                                               limited_in_frequency, is_near, with_effort
   use attrito_continuation_tangent, only: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, &
-                                          share_of_harmonics
+                                          share_of_harmonics, share_beside_slide
   implicit none
   private
   public :: stepper_type
@@ -419,7 +419,12 @@ contains
     self%change = 0.0_wp
     if (point%is_known()) then
       self%change = change_to(self, solver, point)
-      if (self%last%is_taken()) call self%hidden%add(self%change, self%tolerance, self%last%across%share, tangent%share)
+      if (self%last%is_taken()) then
+        associate (across => self%last%across)
+          call self%hidden%add(self%change, self%tolerance, share_beside_slide(solver, across%motion, across%omega), &
+                               share_beside_slide(solver, tangent%motion, tangent%omega))
+        end associate
+      end if
       call stand_at(self, tangent, point)
     end if
     self%here = point
@@ -464,8 +469,8 @@ contains
     self%size = next_length(self%size, error)
   end subroutine adapt
 
-  !> Does the branch go on in mean positions alone, which is its end? Steps that the drawn curve shows lead on, however much the means
-  !> change by them.
+  !> Does the branch go on in a slide along all contacts alone, which is its end? Steps that the drawn curve shows lead on, however
+  !> far bodies slide by them.
   logical function is_drifting(self, solver)
     class(stepper_type), intent(inout) :: self
     !> Solver of points: its motion, sliders, angular frequency and balance
@@ -473,7 +478,7 @@ contains
     real(wp) :: share
     logical :: is_free
 
-    share = share_of_harmonics(solver, self%secant%motion, self%secant%omega)
+    share = share_beside_slide(solver, self%secant%motion, self%secant%omega)
     is_free = solver%context%balance%free%leaves_motion .and. none_holds(solver%context%balance)
     self%drifting = merge(self%drifting + 1, 0, moves_mean_alone(share, is_free) .and. self%change < self%tolerance)
     is_drifting = self%drifting >= branch_steps_in_a_row

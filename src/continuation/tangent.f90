@@ -19,7 +19,7 @@ module attrito_continuation_tangent
   use attrito_solve_solver, only: solver_type
   implicit none
   private
-  public :: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, share_of_harmonics
+  public :: tangent_type, find_tangent, tangent_of_evaluation, frequency_tangent, reverse, share_of_harmonics, share_beside_slide
 
   type :: tangent_type
     !> Scaled motion [2 H + 1, rows], what periodic sliders do along it [2, contacts], and scaled frequency
@@ -243,4 +243,22 @@ contains
     call solver%context%balance%ranks%sum(share)
     share = sqrt(share + omega**2)
   end function share_of_harmonics
+
+  !> Part of a unit direction that is anything but a slide of bodies along all contacts, which is what a drift consists of; a body
+  !> that nothing but rounding of the structure's stiffness holds slides by all mean positions.
+  real(wp) function share_beside_slide(solver, motion, omega) result(share)
+    !> Solver of points: its motion, sliders, angular frequency and balance
+    type(solver_type), intent(in) :: solver
+    !> Coefficients of relative displacement, by harmonic and row; angular frequency, rad/s
+    real(wp), intent(in) :: motion(:, :), omega
+    real(wp) :: held(size(motion, 2))
+
+    share = share_of_harmonics(solver, motion, omega)
+    associate (balance => solver%context%balance)
+      if (balance%free%count == 0) return
+      held = motion(1, :)
+      if (balance%free%sliding > 0) held = held - balance%slide_in(motion(1, :))
+      share = hypot(share, balance%norm(spread(held, 1, 1)))
+    end associate
+  end function share_beside_slide
 end module attrito_continuation_tangent

@@ -6,9 +6,12 @@
 !> $$ |s_k - s_{k-1}| \le \alpha |s_n| \quad (k = n - m + 2 \dots n), \qquad |s_n| > \beta X, \qquad s_k = x_k - x_{k-1} $$
 !>
 !> *A branch of mean positions.* Along a branch the stepper chooses the lengths of steps: they are alike where a body is held, too.
-!> The direction of a step decides instead, scaled and of unit length: nothing but mean positions changes if
+!> The direction of a step decides instead, scaled and of unit length: nothing changes but where the body is if
 !>
-!> $$ \sqrt{ |t_{h > 0}|^2 + t_\omega^2 } < \gamma $$
+!> $$ \sqrt{ |t_{h > 0}|^2 + |t_0 - z|^2 + t_\omega^2 } < \gamma $$
+!>
+!> with the part z of its means that slides along all contacts (`attrito_linear_rigid_body_modes`). Other means are no drift: a wedge
+!> that comes out of its slot presses less.
 !>
 !> | x_k | m | alpha | beta | X | decides after |
 !> |---|---|---|---|---|---|
@@ -102,9 +105,9 @@ contains
     if (do_repeat) do_repeat = steps_repeat(self%steps, alike, least_in_mean*norm2(self%mean))
   end function do_repeat
 
-  !> Does a step along a branch change hardly more than mean positions?
+  !> Does a step along a branch change hardly more than where a body is?
   pure logical function moves_mean_alone(share, is_free)
-    !> Part of the step's direction that is anything but mean positions, 0 to 1
+    !> Part of the step's direction that is anything but a slide, 0 to 1
     real(wp), intent(in) :: share
     !> Is there a body that neither its structure nor a contact holds all over the period?
     logical, intent(in) :: is_free
@@ -112,9 +115,9 @@ contains
     moves_mean_alone = share < merge(free_share, mean_share, is_free)
   end function moves_mean_alone
 
-  !> Has a branch turned into mean positions by its last steps?
+  !> Has a branch turned into a slide by its last steps?
   pure logical function turns_into_mean(before, share)
-    !> Part of the branch's direction that is anything but mean positions, before these steps and after them, 0 to 1
+    !> Part of the branch's direction that is anything but a slide, before these steps and after them, 0 to 1
     real(wp), intent(in) :: before, share
 
     turns_into_mean = share < min(steep_share, falling_share*before)

@@ -1,5 +1,6 @@
 !> Motions that the structure leaves free: which they are, what the condensed residual says of the forces along them, and sliding.
 program test_rigid_body_modes
+  use attrito_continuation_tangent, only: share_beside_slide
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
   use attrito_core_lapack, only: null_space, solve_dense
@@ -26,6 +27,7 @@ program test_rigid_body_modes
                       test('of forces that balance but for rounding nothing is missing, but for a millionth something is', &
                            rounding_of_forces), &
                       test('a slide is measured in slip radii, and nothing else is a slide', slide_in_slip_radii), &
+                      test('along a branch slides count apart, other means do not', shares), &
                       test('a body slides back by what it has slid, and by nothing else', sliding_back)])
 
 contains
@@ -96,6 +98,32 @@ contains
     end associate
     call solver%destroy()
   end subroutine found
+
+  !> Of a direction that is harmonics to 0.6: a mean that slides leaves that, one that does not leaves all; and where the structure
+  !> holds every body no mean counts.
+  subroutine shares(error)
+    type(error_type), allocatable, intent(out) :: error
+    type(solver_type) :: solver
+    real(wp) :: motion(2*harmonics + 1, rows), means(rows, 2)
+    integer :: i
+
+    solver = solver_of(free_frame())
+    motion = 0.0_wp
+    motion(2, 1) = 0.48_wp
+    associate (slide => solver%context%balance%free%rows(:, 1), held => solver%context%balance%free%held_rows(:, 1), &
+               other => solver%context%balance%free%rows(:, 2))
+      means(:, 1) = slide
+      means(:, 2) = other - dot_product(held, other)/dot_product(held, slide)*slide
+    end associate
+    do i = 1, 2
+      motion(1, :) = 0.8_wp*means(:, i)/norm2(means(:, i))
+      call check_close(error, share_beside_slide(solver, motion, 0.36_wp), merge(0.6_wp, 1.0_wp, i == 1), rounding, 'share')
+    end do
+    call solver%destroy()
+    solver = solver_of(rubbing_frame())
+    call check_close(error, share_beside_slide(solver, motion, 0.36_wp), 0.6_wp, rounding, 'share of a structure that holds')
+    call solver%destroy()
+  end subroutine shares
 
   !> What is free is given springs, or less than nothing: parts of the largest stiffness that rounding hides, or does not.
   subroutine softness(error)

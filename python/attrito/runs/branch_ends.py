@@ -1,7 +1,7 @@
 """Where a branch of a sweep ends, and why, as far as its last point shows it.
 
-Friction carries at most its limit. If every contact that closes comes to its limit in the period, a body that moves on
-pushes all sliders along, and the mean force of friction stays what it is: no more load is carried at this motion.
+Friction carries at most its limit (`attrito.runs.carrying_capacity`). Where it has nothing left along a direction in
+which a body slides, no periodic motion is left beyond.
 """
 
 from __future__ import annotations
@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from attrito.library.names import NO_SOLUTION, STATES
+from attrito.library.names import LAWS, NO_SOLUTION, STATES
 from attrito.library.points import Point
 from attrito.results.bifurcations import FOLDS, Bifurcation
+from attrito.runs.carrying_capacity import Closed, least_reserve, over_period
 from attrito.support.parallel import on_root
 
 if TYPE_CHECKING:
@@ -21,9 +22,14 @@ if TYPE_CHECKING:
     from attrito.runs.recorder import Recorder
     from attrito.scene.scene import Contacts, Scene
 
-NEEDED = ("/points/frequency_hz", "/contacts/state", "/contacts/t1_mean", "/contacts/t2_mean")
-# Part of a force that its other components may be, to be along an axis
+FRICTION = ("/contacts/t1_mean", "/contacts/t2_mean")
+NEEDED = ("/points/frequency_hz", "/contacts/state", "/contacts/displacement", *FRICTION)
+# Part of a direction that its other components may be, to be along an axis
 ALONG = 0.05
+# What friction has left, of mu times all normal forces: the last steps of a branch show less than 1 % on the curve
+NOTHING_LEFT = 0.01  # guess
+# Part of these forces up to which a load is what the balance is solved to
+ROUNDING = 1e-6
 
 
 class BranchEnds:
@@ -79,33 +85,51 @@ def reason(last: dict[str, np.ndarray], contacts: Contacts) -> str:
     closed = state != STATES.index("open")
     if not closed.any():
         return "all contacts are open"
-    holding = int((state[closed] == STATES.index("stuck")).sum())
-    if holding > 0:
-        closing = int(closed.sum())
-        return f"no step along it converges; {closing - holding} of {closing} contacts that close come to their limit"
-    sets = contacts.places["set"].astype(str)
-    names = list(dict.fromkeys(sets[closed].tolist()))
+    closing, holding = int(closed.sum()), int((state[closed] == STATES.index("stuck")).sum())
+    lost = f"no step along it converges; {closing - holding} of {closing} contacts that close come to their limit"
+    names = list(dict.fromkeys(contacts.places["set"].astype(str)[closed].tolist()))
     words = ", ".join(name.replace(" - ", "/") for name in names)
     which = (
         f"contact sets {words}" if names != ["explicit"] else f"contacts {', '.join(map(str, np.flatnonzero(closed)))}"
     )
-    return f"{which} slide{_carried(last, contacts, closed)}"
+    others = np.any(contacts.laws.get("law", LAWS.index("coulomb")) != LAWS.index("coulomb"))
+    if others or np.isnan(contacts.places["frame"][closed]).any():
+        return lost if holding else f"{which} slide, each at its limit of friction in the period"
+    found = _closed_contacts(last, contacts, closed)
+    least = least_reserve(found)
+    limits = float(found.limit.mean(axis=1).sum())
+    if least is None or least[2] - least[1] > NOTHING_LEFT * limits:
+        return lost
+    load, most = (0.0 if abs(force) < ROUNDING * limits else force for force in least[1:])
+    return (
+        f"{which} slide along {_axis(least[0])}: load {load:.4g}, friction at this alternating motion carries at most "
+        f"{max(most, load):.4g}"
+    )
 
 
-def _carried(last: dict[str, np.ndarray], contacts: Contacts, closed: np.ndarray) -> str:
-    """Mean friction of the contacts that close, as a vector in words; empty if nothing is known of their directions."""
-    frame = contacts.places["frame"][closed]
-    if np.isnan(frame).any():
-        return ", each at its limit of friction in the period"
-    force = np.zeros(3)
-    for direction, name in enumerate(("/contacts/t1_mean", "/contacts/t2_mean")):
-        if name in last:
-            values = np.nan_to_num(np.ravel(last[name])[closed])
-            force += values @ frame[:, direction]
-    size = float(np.linalg.norm(force))
-    if size <= 0.0:
-        return ", each at its limit of friction in the period"
-    axis = int(np.argmax(np.abs(force)))
-    others = np.delete(np.abs(force), axis).max()
-    along = "xyz"[axis] if others <= ALONG * size else f"({', '.join(f'{part:.2f}' for part in force / size)})"
-    return f" along {along}: each is at its limit, and friction at this alternating motion carries at most {size:.4g}"
+def _closed_contacts(last: dict[str, np.ndarray], contacts: Contacts, closed: np.ndarray) -> Closed:
+    """What friction carries follows from this."""
+    laws = {name: values[closed] for name, values in contacts.laws.items()}
+    moved = np.nan_to_num(last["/contacts/displacement"].reshape(len(closed), 3, -1)[closed])
+    pressed = laws["preload"][:, None] + laws["normal_stiffness"][:, None] * (
+        over_period(moved[:, 2]) - laws["gap"][:, None]
+    )
+    frame = contacts.places["frame"][closed].copy()
+    frame[laws["tangents"] == 1, 1] = 0.0
+    mean = [np.nan_to_num(np.ravel(last[name])[closed]) if name in last else np.zeros(len(moved)) for name in FRICTION]
+    return Closed(
+        frame,
+        laws["tangential_stiffness"],
+        moved[:, :2],
+        laws["friction_coefficient"][:, None] * np.maximum(pressed, 0.0),
+        np.stack(mean, axis=1),
+        np.isin(np.ravel(last["/contacts/state"])[closed], [STATES.index(name) for name in ("stuck", "shaken_down")]),
+    )
+
+
+def _axis(direction: np.ndarray) -> str:
+    """A unit vector in words."""
+    axis = int(np.argmax(np.abs(direction)))
+    if np.delete(np.abs(direction), axis).max() <= ALONG * abs(direction[axis]):
+        return "xyz"[axis]
+    return f"({', '.join(f'{part:.2f}' for part in direction)})"
