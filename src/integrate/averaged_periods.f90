@@ -135,6 +135,7 @@ contains
         if (period > 0) periods%slider = periods%slider + self%state%slider/count
       end do
       periods%motion = periods%motion*2.0_wp/(count*scheme%steps)
+      periods%force_error = periods%force_error*(count + periods_before)*scheme%steps
     end associate
     call compare_ends(ends, near_enough*steps, periods)
   end subroutine average_by
@@ -150,7 +151,7 @@ contains
     logical, intent(in) :: adds
     !> Averages over periods of the motion in time
     type(periods_type), intent(inout) :: periods
-    real(wp) :: cosines(size(periods%motion, 1)/2), sines(size(periods%motion, 1)/2)
+    real(wp) :: cosines(size(periods%motion, 1)/2), sines(size(periods%motion, 1)/2), elastic(size(self%system%springs))
     integer :: step, h
 
     do step = 1, scheme%steps
@@ -158,6 +159,9 @@ contains
       periods%moved = periods%moved .and. all(abs(self%state%motion) < huge(1.0_wp))
       if (.not. periods%moved) return
       if (.not. adds) cycle
+      elastic = self%system%springs*scheme%displacement
+      periods%force = max(periods%force, maxval([0.0_wp, abs(elastic + scheme%g)]))
+      periods%force_error = max(periods%force_error, near_enough*maxval([0.0_wp, abs(elastic)]))
       call harmonics_at(two_pi*step/scheme%steps, cosines, sines)
       periods%motion(1, :) = periods%motion(1, :) + 0.5_wp*scheme%displacement
       do h = 1, size(cosines)

@@ -82,18 +82,21 @@ contains
     type(strategy_outcome_type), intent(inout) :: outcome
     type(periods_type) :: periods
     logical :: early_stop, is_resolved
-    real(wp) :: change, radius
+    real(wp) :: change
     integer :: attempt, drifting
 
     call start_integrator(solver, from_rest, outcome%converged)
     if (.not. outcome%converged) return
     drifting = 0
     change = 0.0_wp
+    is_resolved = .false.
     do attempt = 1, attempts
       call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
       outcome%converged = .false.
       if (.not. periods%moved) exit
-      change = periods%change
+      ! Displacements whose errors are more than a thousandth of the contact forces show nothing of the motion.
+      is_resolved = periods%force_error <= settled*periods%force
+      change = merge(periods%change, 0.0_wp, is_resolved)
       early_stop = modulo(attempt, full_attempt) /= 0 .or. outcome%evidence%is_drifting
       call solver%solve_at(omega, early_stop)
       outcome%iterations = outcome%iterations + solver%report%iterations
@@ -102,16 +105,9 @@ contains
       if (outcome%converged .or. (was_drifting .and. outcome%evidence%is_drifting)) exit
       drifting = merge(drifting + 1, 0, periods%is_drifting)
       if (drifting == windows_in_a_row) outcome%evidence%is_drifting = .true.
-      if (outcome%evidence%is_drifting .and. attempt >= attempts_lost) exit
+      if ((outcome%evidence%is_drifting .or. .not. is_resolved) .and. attempt >= attempts_lost) exit
     end do
-    ! A state whose rounding is more than a thousandth of how far contacts stick shows nothing of the motion.
-    associate (balance => solver%context%balance)
-      radius = balance%largest_slip_radius(solver%motion(1, :))
-      is_resolved = radius <= 0.0_wp .or. settled*radius >= scale(balance%ranks%largest(maxval([0.0_wp, abs(solver%motion)])), &
-                                                                  -digits_at_start)
-    end associate
     outcome%evidence%is_drifting = outcome%evidence%is_drifting .and. is_resolved
-    if (.not. is_resolved) change = 0.0_wp
     ! If the steps of a window fail, those before it have shown whether the motion settles.
     outcome%evidence%no_periodic_solution = outcome%evidence%is_drifting .or. (.not. outcome%converged .and. change > settled)
   end subroutine run_and_solve

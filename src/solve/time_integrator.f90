@@ -26,6 +26,8 @@ module attrito_solve_time_integrator
     real(wp) :: change = huge(1.0_wp)
     !> Did each of the last periods change the displacements by the same amount?
     logical :: is_drifting = .false.
+    !> Largest contact force, and what errors of the displacements are in it at most
+    real(wp) :: force = 0.0_wp, force_error = 0.0_wp
   end type periods_type
 
   type, abstract :: time_integrator_type

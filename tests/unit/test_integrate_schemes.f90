@@ -5,6 +5,7 @@ program test_integrate_schemes
   use attrito_core_kinds, only: wp, pi
   use attrito_core_lapack, only: solve_dense
   use attrito_integrate_equilibrium, only: newton_step
+  use attrito_integrate_exponential, only: exponential_weights
   use attrito_integrate_run, only: run_options_type, orbit_type
   use attrito_integrate_schemes, only: scheme_event, scheme_central_difference, scheme_newmark, scheme_hht, &
                                        scheme_generalised_alpha, scheme_exponential
@@ -24,6 +25,7 @@ program test_integrate_schemes
 
   call run_in_session('integrate_schemes', [ &
                 test('every scheme is of second order on smooth motion', smooth_order), &
+                test('a contact that slips leaves its mass free, however stiff it is', slip_of_stiff_contact), &
                 test('every scheme is close to second order on stick-slip', stick_slip_order), &
                 test('a step that eliminates contacts that slip or open alone is that of all rows', active_forces), &
                 test('a second tangent that nothing moves changes nothing', idle_tangent), &
@@ -55,6 +57,27 @@ contains
     allocate (q(size(scene%structure%mass, 1)), source=0.0_wp)
     if (.not. allocated(error)) q = displacement_of(system, orbit)
   end function after
+
+  !> A force f + Lambda p, which takes the mode's spring back, leaves p'' = f: motion and rate at the end of a step in closed form.
+  subroutine slip_of_stiff_contact(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: h = 0.3_wp, motion = 0.7_wp, rate = -0.4_wp, f = 1.9_wp, eigenvalues(3) = [2.0e1_wp, 3.0e4_wp, 5.0e6_wp]
+    real(wp) :: weights(4, 2, size(eigenvalues)), moved, reached, state(4)
+    integer :: r
+
+    weights = exponential_weights(eigenvalues, 0.0_wp*eigenvalues, h)
+    moved = motion + h*rate + 0.5_wp*h**2*f
+    do r = 1, size(eigenvalues)
+      state = [motion, rate, f + eigenvalues(r)*motion, f]
+      ! The force at the end holds the displacement at the end.
+      reached = dot_product(weights(:, 1, r), state)/(1.0_wp - eigenvalues(r)*weights(4, 1, r))
+      call check_close(error, reached, moved, 1.0e-7_wp*moved, 'displacement')
+      if (allocated(error)) return
+      state(4) = f + eigenvalues(r)*moved
+      call check_close(error, dot_product(weights(:, 2, r), state), rate + h*f, 1.0e-6_wp, 'rate')
+      if (allocated(error)) return
+    end do
+  end subroutine slip_of_stiff_contact
 
   !> Errors at 200, 400, ... steps a period, and the order of their fall over the whole.
   subroutine measure_order(scene, level, scheme, coarsest, order, finest)

@@ -17,6 +17,7 @@ from attrito.library.names import NO_SOLUTION
 from attrito.library.points import Point
 from attrito.library.reduced_scene import ReducedScene
 from attrito.library.session import Solver
+from attrito.scene.stiff_contacts import PRECISION, contact_stiffness_ratio
 from attrito.support.errors import NumericsError
 
 if TYPE_CHECKING:
@@ -56,6 +57,9 @@ class LongerPeriods:
         return point._replace(outcome=self._solver.outcome())
 
     def _period(self, point: Point) -> int | None:
+        # Rounding of the contact forces hides whether a period repeats.
+        if PRECISION * contact_stiffness_ratio(self._scene, point.frequency_hz) > PERIODICITY:
+            return None
         choices = Run(
             point.frequency_hz,
             point.level,

@@ -39,6 +39,7 @@ from attrito.scene.friction_margin import friction_margin, warning
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
 from attrito.scene.solver_options import solver_options
+from attrito.scene.stiff_contacts import highest_hz, of_stiff_contacts
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import InputError, NumericsError, UnsolvedError
 from attrito.support.locks import writing_alone
@@ -274,11 +275,9 @@ class _Run:
         """What the numerics did not deliver."""
         found = list(self.place.incomplete)
         failed, missing = (self.place.outcomes.get(name, 0) for name in ("not_converged", "no_period_one_orbit"))
-        sweep, stiff = self._job["sweep"], ""
+        stiff, tolerance = "", self._job["balance"]["residual_tolerance"]
         if failed or missing:
-            listed = sweep["frequencies_hz"]
-            highest_hz = max((sweep["start_hz"], sweep["stop_hz"]) if listed is None else listed)
-            stiff = cautions.of_stiff_contacts(self._reduced, highest_hz)
+            stiff = of_stiff_contacts(self._reduced, highest_hz(self._job), tolerance)
         if failed:
             found.append(f"{failed} point(s) did not converge{stiff}; they are in the file with outcome not_converged")
         if missing:

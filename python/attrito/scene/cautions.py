@@ -27,8 +27,6 @@ FAR_APART = 1e-3
 ROTATION = 1e-3
 # Part of the largest modal damping that is rounding.
 ROUNDING = 1e-10
-# Contacts this much stiffer than the structure are as good as rigid, and friction is hidden by rounding beyond.
-RIGID = 1e6
 NOTHING_TOUCHES = "no contact touches at the static solution"
 TO_CHECK = (
     "points begin from the structure without contacts;"
@@ -114,28 +112,6 @@ def _is_positive(matrix: np.ndarray) -> bool:
     except np.linalg.LinAlgError:
         return largest == 0.0
     return True
-
-
-def of_stiff_contacts(scene: ReducedScene, highest_hz: float) -> str:
-    """What to say where points were not solved, of contacts that rounding keeps from it; "" where it does not.
-
-    A contact is compared with b^T (K + omega^2 M) b / |b|^4, which is more than what moves the structure along its row.
-    """
-    tangents = np.asarray(scene.laws["tangents"])
-    along, normal = (np.asarray(scene.laws[f"{name}_stiffness"]) for name in ("tangential", "normal"))
-    springs = np.repeat(along, tangents + 1)
-    springs[np.cumsum(tangents + 1) - 1] = normal
-    rows = scene.directions
-    blocked = np.einsum("rm,rm->r", rows @ (scene.stiffness + (2.0 * np.pi * highest_hz) ** 2 * scene.mass), rows)
-    # What has neither stiffness nor mass hides no friction.
-    rows, springs, blocked = rows[blocked > 0.0], springs[blocked > 0.0], blocked[blocked > 0.0]
-    ratio = springs * np.einsum("rm,rm->r", rows, rows) ** 2 / blocked
-    if not len(ratio) or ratio.max() <= RIGID:
-        return ""
-    return (
-        f" (contacts are up to {ratio.max():.1e} times as stiff as the structure at them, and from {RIGID:.0e} times on"
-        " rounding may hide friction: give them less normal_stiffness and tangential_stiffness)"
-    )
 
 
 def of_static_solution(states: Sequence[int]) -> list[str]:

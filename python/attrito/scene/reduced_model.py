@@ -25,6 +25,7 @@ from attrito.scene.reduced_sector import on_coordinates, sector_of, solved_axes,
 from attrito.scene.rom_claim import Claim, claim, steps_of
 from attrito.scene.rom_file import Rom, read_rom, rom_fingerprint
 from attrito.scene.scene import Scene
+from attrito.scene.stiff_contacts import refuse_stiffer
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import Fault, InputError
 from attrito.support.hdf5_reading import is_of_format
@@ -275,7 +276,7 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
     kind, value, damping = _damping(job, mass, stiffness, damping)
     suspension_hz = job["model"]["suspension_hz"] or 0.0
     stiffness = stiffness + (2.0 * np.pi * suspension_hz) ** 2 * mass
-    return ReducedScene(
+    reduced = ReducedScene(
         *(np.ascontiguousarray(matrix, dtype=float) for matrix in (mass, stiffness)),
         kind,
         value,
@@ -290,6 +291,8 @@ def reduced_scene(job: Job, scene: Scene, rom: Rom | None = None) -> ReducedScen
         _ratios_of_modes(job, len(mass)),
         suspension_hz,
     )
+    refuse_stiffer(job, reduced)
+    return reduced
 
 
 def _paired(scene: Scene) -> int:
