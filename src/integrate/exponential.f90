@@ -40,11 +40,11 @@ contains
     real(wp) :: weights(4, 2)
     !> gamma - 1/2: every step leaves (1 - alpha)/(1 + alpha) of the fastest modes
     real(wp), parameter :: alpha = 0.1_wp, gamma = 0.5_wp + alpha, beta = 0.25_wp*(1.0_wp + alpha)**2 ! conventional
-    real(wp), parameter :: last(4) = [0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp]
-    real(wp) :: start(4), motion(4), rate(4)
+    real(wp) :: start(4), motion(4), rate(4), last(4)
 
     ! Of the state and the acceleration at the beginning; that at the end is eliminated without differences of large numbers.
     start = [-eigenvalue, -damping, 1.0_wp, 0.0_wp]
+    last = [0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp]
     motion = [1.0_wp, h, 0.0_wp, 0.0_wp] + h**2*(0.5_wp - beta)*start
     rate = [0.0_wp, 1.0_wp, 0.0_wp, 0.0_wp] + h*(1.0_wp - gamma)*start
     weights(:, 1) = motion*(1.0_wp + h*gamma*damping) + h**2*beta*(last - damping*rate)
