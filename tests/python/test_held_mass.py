@@ -331,6 +331,22 @@ def test_matrices_of_another_mass_than_the_mesh_are_told(tmp_path):
         assert any("2.5 % less mass" in note for note in notes) == (density != 7.8e-9)
 
 
+@pytest.mark.parametrize("mass", ["1e-6", "2e-6"])
+def test_another_mass_at_points_than_the_matrices_have_is_told(tmp_path, mass):
+    """Any mass more than the mesh's had been put down to them, and their density did not count."""
+    point = POINT.replace("900, 30", "900, 24\n901, 1")
+    (tmp_path / "m.inp").write_text(f"{beam('C3D8')}{point}*STEP\n*FREQUENCY, SOLVER=MATRIXSTORAGE\n1\n*END STEP\n")
+    subprocess.run(["ccx", "-i", "m"], cwd=tmp_path, check=True, capture_output=True)
+    (tmp_path / "m.inp").write_text(beam("C3D8") + point.replace("1e-6", mass))
+    _, notes = import_model(tmp_path / "m.h5", calculix_job=tmp_path / "m", mesh=tmp_path / "m.inp")
+    assert any("% less mass" in note for note in notes) == (mass == "2e-6")
+    model = read_model(tmp_path / "m.h5")
+    assert model.point_mass == {24: float(mass), 1: float(mass)}
+    errors = SharedMass(model).mass_errors
+    whole = 7.8e-9 * 30.0 * 16.0 * 7.0 + float(mass)  # One is held
+    assert np.abs(errors - (float(mass) - 1e-6) / whole).min(axis=0) == pytest.approx(0.0, abs=1e-6)
+
+
 POINT = "*ELEMENT, TYPE=MASS, ELSET=P\n900, 30\n*MASS, ELSET=P\n1e-6\n"
 
 

@@ -1,4 +1,4 @@
-"""Constants of a deck's elements: `*ELASTIC` and `*DENSITY` of the material that `*SOLID SECTION` names."""
+"""Constants of a deck's elements: `*ELASTIC`, `*DENSITY` of the material that `*SOLID SECTION` names, and `*MASS`."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from attrito.importers.deck import Block
-from attrito.importers.deck_ids import element_ids, fields, set_members
+from attrito.importers.deck_ids import element_ids, element_type, fields, integers, set_members
 from attrito.support.text_files import number
 
 
@@ -34,6 +34,35 @@ def densities(blocks: list[Block], elements: dict[str, np.ndarray]) -> dict[str,
         return {}
     found = _of_elements(blocks, elements, _of_materials(blocks, "DENSITY", _density), (np.nan,))
     return {kind: values[:, 0] for kind, values in found.items()}
+
+
+def point_masses(blocks: list[Block], known: np.ndarray) -> dict[int, float] | None:
+    """Mass at nodes of elements of type `MASS`, user mass by node id; None where the deck does not tell it.
+
+    Parameters
+    ----------
+    blocks : of the deck
+    known : ids of its nodes
+    """
+    sets, of_element, found = ElementSets(blocks), dict[int, float](), dict[int, float]()
+    for block in blocks:
+        if block.keyword == "MASS":
+            try:
+                mass = number(fields(block.data[0])[0])
+            except (ValueError, IndexError):
+                return None
+            if not 0.0 <= mass < np.inf:
+                return None
+            of_element |= dict.fromkeys(sets.members(block.parameters.get("ELSET", "")).tolist(), mass)
+    for block in blocks:
+        if block.keyword == "ELEMENT" and block.data and element_type(block) == "MASS":
+            words = [word for line in block.data for word in fields(line)]
+            nodes = integers(words[1::2], block, "node ids")
+            for element, node in zip(element_ids(block).tolist(), nodes.tolist(), strict=False):
+                if element not in of_element or node not in known:
+                    return None
+                found[node] = found.get(node, 0.0) + of_element[element]
+    return found
 
 
 def _of_elements(

@@ -15,7 +15,7 @@ import numpy as np
 
 from attrito.importers.deck import Block, read_blocks
 from attrito.importers.deck_axes import axes_of_nodes
-from attrito.importers.deck_elastic import ElementSets, densities, elastic_constants
+from attrito.importers.deck_elastic import ElementSets, densities, elastic_constants, point_masses
 from attrito.importers.deck_ids import (
     ELEMENT_TYPES,
     NODES_PER_FAMILY,
@@ -114,6 +114,7 @@ def read_deck_mesh(path: str | Path, skip: bool = False) -> Mesh:
         _add_elements(mesh, block, node_ids[cells.data])
     ids = {kind: own for kind, (own, _) in mesh.elements.items()}
     mesh.elastic, mesh.density = elastic_constants(blocks, ids), densities(blocks, ids)
+    mesh.point_mass = point_masses(blocks, node_ids)
     mesh.skipped = [f"elements of type {element_type(block)}, line {block.line}" for block in others]
     mesh.remarks = remarks(blocks, {*_NOT_READ, *_PARAMETERS, *CONSTRAINTS})
     mesh.node_sets = _node_sets(blocks, node_ids, mesh)

@@ -30,6 +30,7 @@ class Mesh:
     elements : for each type its ids `[E]` and its connectivity `[E, k]` (node ids, CalculiX order)
     elastic : for each type Young's modulus (user force/length^2) and Poisson's ratio `[E, 2]`, NaN where not known
     density : for each type that of its elements `[E]` (user mass/length^3), NaN where not known
+    point_mass : at nodes, user mass by id; None where the file does not tell it
     node_sets : for each name its node ids, ascending
     files : every file read, the deck first
     constraints : keywords, with their line, that make dofs depend on others
@@ -46,6 +47,7 @@ class Mesh:
     elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     elastic: dict[str, np.ndarray] = field(default_factory=dict)
     density: dict[str, np.ndarray] = field(default_factory=dict)
+    point_mass: dict[int, float] | None = None
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     files: list[Path] = field(default_factory=list)
     constraints: list[str] = field(default_factory=list)

@@ -167,6 +167,7 @@ def _model(
         model.node_ids, model.coordinates = nodes.node_ids, nodes.coordinates
         model.elements, model.node_sets = nodes.elements, nodes.node_sets
         model.elastic, model.density, model.load_axes = nodes.elastic, nodes.density, nodes.load_axes
+        model.point_mass = nodes.point_mass or {}
         model.undisplaced = np.intersect1d(nodes.node_ids, np.append(nodes.angles, nodes.elongations))
         model.dependent = _dependent(parts, nodes)
         files += map(str, nodes.files)
@@ -176,11 +177,17 @@ def _model(
     check_spared("import", "output", [output], files)
     held = hold(model, holds, spin_hz, geometric)
     write_model(output, model, list(dict.fromkeys(files)))
-    said = [resisted_rotation(model), None if nodes is None else other_mass(model, nodes.held, bool(nodes.skipped))]
+    said = [resisted_rotation(model), None if nodes is None else other_mass(model, nodes.held, _lacks_mass(nodes))]
     warnings = [f"warning: {what}" for what in said if what is not None]
     return model, _notes(model) + first_look(model) + turned + held + doubts + parts.notes + _mesh_notes(
         nodes
     ) + warnings
+
+
+def _lacks_mass(mesh: Mesh) -> bool:
+    """Whether what was left out of a mesh may have mass that is not known."""
+    massless = tuple(f"elements of type {kind}" for kind in AT_NODES if kind != "MASS" or mesh.point_mass is not None)
+    return any(not what.startswith(massless) for what in mesh.skipped)
 
 
 def _dependent(parts: Matrices, mesh: Mesh) -> np.ndarray:

@@ -9,7 +9,7 @@ functions, and the matrices tell the density, by which alone entries of both dif
 constants, and by that of two rules of integration with which they agree best. If no entries can be compared, the
 deck's density counts if with it the mesh has the mass of the matrices, r^T M r along a direction, held nodes left out:
 
-    r^T M r = sum_ij m_ij over all nodes that are not held.
+    r^T M r = sum_ij m_ij over all nodes that are not held, and what the deck puts at these by `*MASS`.
 
 Nodes that depend on others are in the matrices of these. They move as the others say, which need not be as the
 accelerations do: those of rotation are no rigid motion. Rows next to such nodes are held against the mesh: what they
@@ -85,7 +85,7 @@ def other_mass(model: Model, supports: np.ndarray, is_part: bool = False) -> str
     Parameters
     ----------
     supports : nodes and directions that the deck holds, `[k, 2]`
-    is_part : elements were left out of the mesh, which may be the mass that matrices have more
+    is_part : elements were left out of the mesh whose mass is not known, which matrices may have more
     """
     if not model.has_mesh or len(model.dependent) or not model.density:
         return None
@@ -99,8 +99,8 @@ def other_mass(model: Model, supports: np.ndarray, is_part: bool = False) -> str
         return None
     return (
         f"the matrices have {100.0 * abs(worst):.2g} % {'less' if worst > 0.0 else 'more'} mass than the mesh's solids"
-        " by the deck's *DENSITY, held dofs left out in both: is there mass at points or of elements left out of the"
-        " mesh, or do files not go together?"
+        " by the deck's *DENSITY, and *MASS, held dofs left out in both: is there mass of elements left out of"
+        " the mesh, or do files not go together?"
     )
 
 
@@ -252,6 +252,8 @@ class SharedMass:
                 whole += [masses[moves[:, d]].sum() for d in range(3)]
         if np.isnan(whole).any() or not whole.any():
             return None
+        at = self._rows_of(np.array(list(model.point_mass), dtype=int))
+        whole += np.array(list(model.point_mass.values())) @ ~self.held[at]
         found = np.array([[self._along(d) + self._of_held(d, rule) for d in range(3)] for rule in (0, 1)])
         return 1.0 - found / np.where(whole > 0.0, whole, np.nan)
 

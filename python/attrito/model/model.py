@@ -29,6 +29,7 @@ class Model:
     elastic : for each type of elements Young's modulus (user force/length^2) and Poisson's ratio `[E, 2]`, NaN where
         not known; no type: not known of any of its elements
     density : for each type of elements that of each `[E]`, user mass/length^3, NaN where not known; or no type
+    point_mass : at nodes, user mass by id, as the mesh file says
     node_sets : for each name its node ids, ascending
     load_axes : for nodes with axes of their own, which a deck's forces go along, directions 1, 2, 3 as rows `[3, 3]`
     dependent : `[k, 2]`, nodes and directions of displacements that depend on others, as the mesh file says
@@ -48,6 +49,7 @@ class Model:
     elements: dict[str, tuple[np.ndarray, np.ndarray]] = field(default_factory=dict)
     elastic: dict[str, np.ndarray] = field(default_factory=dict)
     density: dict[str, np.ndarray] = field(default_factory=dict)
+    point_mass: dict[int, float] = field(default_factory=dict)
     node_sets: dict[str, np.ndarray] = field(default_factory=dict)
     load_axes: dict[int, np.ndarray] = field(default_factory=dict)
     dependent: np.ndarray = field(default_factory=lambda: np.empty((0, 2), np.int64))

@@ -81,6 +81,9 @@ def _fill(file: h5py.File, model: Model, source: Sequence[str | Path]) -> None:
         put("dofs/direction", model.dof_direction, np.int8, words)
     if model.has_mesh:
         put("nodes/id", model.node_ids, np.int64, "node ids")
+        if model.point_mass:
+            put("nodes/point_mass/node", list(model.point_mass), np.int64, "nodes with a mass at a point")
+            put("nodes/point_mass/mass", list(model.point_mass.values()), np.float64, "mass of each", "user mass")
         if len(model.dependent):
             words = "node and direction of displacements that depend on others, which no row of the matrices has"
             put("nodes/dependent", model.dependent, np.int64, words)
@@ -198,6 +201,11 @@ class _Reader:
         model.node_ids, model.coordinates = self.array("nodes/id", 1), self.array("nodes/coordinates", 2)
         shape, expected = model.coordinates.shape, (len(model.node_ids), 3)
         self.expect(shape == expected, "nodes/coordinates", f"shape {shape}", f"shape {expected}")
+        if "point_mass" in self.file["nodes"]:
+            nodes, masses = self.array("nodes/point_mass/node", 1), self.array("nodes/point_mass/mass", 1)
+            self.known(nodes, "nodes/point_mass/node", model.node_ids)
+            self.expect(len(nodes) == len(masses), "nodes/point_mass/mass", len(masses), f"one of each of {len(nodes)}")
+            model.point_mass = dict(zip(nodes.tolist(), masses.tolist(), strict=False))
         if "dependent" in self.file["nodes"]:
             model.dependent = self.array("nodes/dependent", 2)
             self.expect(model.dependent.shape[1] == 2, "nodes/dependent", model.dependent.shape, "two columns")
