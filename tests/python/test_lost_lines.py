@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 
 import matrix_writers as write
@@ -17,14 +18,18 @@ from attrito.support.errors import InputError
 FORMATS = ["abaqus", "large", "small", "free"]
 
 
-def body() -> Model:
-    """Five layers of bricks held at one end; bent, so that no entries between neighbours are zero by symmetry."""
+def at_one_end(points: np.ndarray) -> np.ndarray:
+    return points[:, 0] < 1e-9
+
+
+def body(held: Callable[[np.ndarray], np.ndarray] = at_one_end) -> Model:
+    """Five layers of bricks, held at one end or elsewhere; bent: no entries between neighbours are zero by symmetry."""
 
     def bent(points: np.ndarray) -> np.ndarray:
         x, y, z = points.T
         return np.stack([x + 0.2 * y * z / 0.03, y + 0.1 * x, z * (1.0 + 2.0 * x) + 0.1 * y], axis=1)
 
-    return brick(held=lambda points: points[:, 0] < 1e-9, shape=bent, layers=5)
+    return brick(held=held, shape=bent, layers=5)
 
 
 def imported(folder: Path, model: Model, form: str, meshed: bool = True) -> list[str]:
@@ -67,6 +72,14 @@ def test_a_lost_line_is_refused(tmp_path, form, name, chosen):
     without(model, name, chosen, beyond=0.03)
     with pytest.raises(InputError, match=f"{name} = 'no entry of dof .* the entry that others of both rows ask for"):
         imported(tmp_path, model, form)
+
+
+def test_a_lost_line_is_refused_where_most_rows_lie_beside_supports(tmp_path):
+    """What these leave had been taken for rounding of the file."""
+    model = body(lambda points: at_one_end(points) | (np.abs(points[:, 0] - 0.062) < 0.008))
+    without(model, "stiffness", [7], beyond=0.09)
+    with pytest.raises(InputError, match="stiffness = 'no entry of dof"):
+        imported(tmp_path, model, "abaqus")
 
 
 def test_a_line_lost_between_a_node_at_a_support_and_another_is_noted(tmp_path):
