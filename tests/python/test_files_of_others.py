@@ -239,6 +239,20 @@ def test_a_file_of_others_in_the_place_of_a_lock_keeps_its_mode(tmp_path):
     assert theirs.read_text() == "mine" and theirs.stat().st_mode & 0o777 == 0o600
 
 
+def test_an_empty_file_in_the_place_of_a_journal_stays(tmp_path):
+    """A run that was killed leaves none: it had been taken for what one left at its first moment, and was removed."""
+    write_blocks(tmp_path / "model.h5")
+    path = write_job(tmp_path, blocks())
+    partial = tmp_path / "result.h5.partial"
+    partial.touch()
+    before = partial.stat()
+    done = subprocess.run(
+        [sys.executable, "-m", "attrito.cli", "run", path], cwd=tmp_path, capture_output=True, text=True
+    )
+    assert done.returncode == 2 and "result.h5.partial: file = 'not a journal'" in done.stderr
+    assert partial.stat().st_ino == before.st_ino and partial.read_bytes() == b""
+
+
 def test_an_empty_mark_makes_a_folder_attritos_only_if_there_is_nothing_else(tmp_path):
     place = tmp_path / "study.h5.parts"
     place.mkdir()

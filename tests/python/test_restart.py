@@ -149,7 +149,7 @@ def test_a_journal_cut_anywhere_keeps_every_whole_point(tmp_path):
     whole = Path(path).read_bytes()
     ends = [end for _, end in read_journal(path)]
     assert ends[-1] == len(whole)
-    for length in range(len(whole) + 1):
+    for length in range(1, len(whole) + 1):
         Path(path).write_bytes(whole[:length])
         records = [record for record, _ in read_journal(path)]
         assert [record.note["number"] for record in records] == list(range(sum(end <= length for end in ends)))
@@ -210,7 +210,7 @@ def test_resume_with_nothing_to_go_on_from_begins(tmp_path, capfd):
     assert "nothing to go on from (result.h5.partial is absent): beginning" in done.stdout
 
 
-@pytest.mark.parametrize("length", [0, 7, len(MAGIC), len(MAGIC) + 9])
+@pytest.mark.parametrize("length", [1, 7, len(MAGIC), len(MAGIC) + 9])
 def test_a_journal_cut_before_its_first_record_is_begun_again(cut, tmp_path, capfd, length):
     journal = copy_of(cut, tmp_path)
     journal.write_bytes(journal.read_bytes()[:length])

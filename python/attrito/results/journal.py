@@ -26,6 +26,7 @@ from typing import BinaryIO
 import numpy as np
 
 from attrito.library.series import Series
+from attrito.support.atomic_files import new_file
 from attrito.support.errors import Fault, InputError
 
 MAGIC = b"attrito journal 1\n"
@@ -72,17 +73,19 @@ class Journal:
 
     def __init__(self, path: str, keep: int = 0):
         self.path = path
+        _make(path)
         # Nothing of it is cut before it is known that no other process writes it.
-        self._file = open(path, "r+b", buffering=0, opener=_open_or_make)  # noqa: SIM115
+        self._file = open(path, "r+b", buffering=0, opener=_open_own)  # noqa: SIM115
         try:
             _lock(self._file, path)
         except InputError:
             self._file.close()
             raise
-        self._end = keep
-        self._file.truncate(keep)
         if not keep:
+            self._end = 0
             self._write(MAGIC)
+        self._end = keep or len(MAGIC)
+        self._file.truncate(self._end)
 
     def append(self, record: Record) -> int:
         """Write a record and wait until it is on disk, and say where; what cannot be written whole is taken back."""
@@ -125,10 +128,10 @@ def set_aside(path: str, owner: str) -> None:
         check_own(name, owner)
     if not _holds_something(path):
         return
-    # What was set aside before held something: a file that is empty is not attrito's.
+    # What was set aside before held something.
     if os.path.lexists(old) and not _holds_something(old):
         raise InputError(Fault(old, "file", "not a journal", "nothing that attrito has not written under this name"))
-    with open(path, "r+b", opener=_open_or_make) as file:
+    with open(path, "r+b", opener=_open_own) as file:
         _lock(file, path)
         os.replace(path, old)
 
@@ -167,8 +170,21 @@ def owner_of(path: str) -> str:
     return "" if first is None else str(first.note.get("attributes", {}).get("format", ""))
 
 
-def _open_or_make(path: str, flags: int) -> int:
-    return os.open(path, flags | os.O_CREAT | os.O_NOFOLLOW, 0o666)
+def _make(path: str) -> None:
+    """A journal without records, unless something is there: never empty, so that an empty file is not attrito's."""
+    if os.path.lexists(path):
+        return
+    with new_file(path) as new:
+        with open(new, "r+b") as file:
+            file.write(MAGIC)
+            file.flush()
+            os.fsync(file.fileno())
+        with contextlib.suppress(FileExistsError):
+            os.link(new, path)
+
+
+def _open_own(path: str, flags: int) -> int:
+    return os.open(path, flags | os.O_NOFOLLOW)
 
 
 def _lock(file: BinaryIO, path: str) -> None:
@@ -185,7 +201,8 @@ def _lock(file: BinaryIO, path: str) -> None:
 def is_journal(path: str | os.PathLike[str]) -> bool:
     """Whether a file begins as a journal does, as one that is cut short within its first line does too."""
     with open(path, "rb") as file:
-        return MAGIC.startswith(file.read(len(MAGIC)))
+        begins = file.read(len(MAGIC))
+    return bool(begins) and MAGIC.startswith(begins)
 
 
 def remove_journals(path: str, owner: str) -> None:

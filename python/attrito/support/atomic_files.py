@@ -43,7 +43,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
         yield str(path)
         return
     goal = target(path)
-    with _new_file(path) as new:
+    with new_file(path) as new:
         yield new
         if os.path.exists(goal):
             shutil.copymode(goal, new)
@@ -51,7 +51,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[str]:
 
 
 @contextlib.contextmanager
-def _new_file(path: str | os.PathLike[str]) -> Iterator[str]:
+def new_file(path: str | os.PathLike[str]) -> Iterator[str]:
     """An empty file beside one, gone at the end if it is still there; what the system says of it names `path`."""
     new = f"{target(path)}.{secrets.token_hex(4)}{ENDING}"
     made = False
@@ -71,7 +71,7 @@ def _new_file(path: str | os.PathLike[str]) -> Iterator[str]:
 def check_writable(path: str | os.PathLike[str]) -> None:
     """Raise `OSError` where `whole_file` could not make its file, as by a name too long for it; it names `path`."""
     if not Path(path).exists() or Path(path).is_file():
-        with _new_file(path):
+        with new_file(path):
             pass
 
 
