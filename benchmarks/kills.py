@@ -5,7 +5,7 @@
 The command is started again and again and killed (SIGKILL, all of its processes) after a random time of up to a little
 more than a whole run of it takes. After every kill all that was finished before must still be there, unchanged, and
 must read; when the command comes to its end its result must be that of the uninterrupted one bit for bit, and the next
-start begins from nothing. Prints JSON: `lost`, `unreadable` and `different` are to be zero.
+start begins from nothing. Prints JSON: `lost`, `unreadable`, `different` and `touched` are to be zero.
 
 With --signal a signal is sent to one rank of several, and the command is not started again: is any process left?
 
@@ -19,7 +19,11 @@ bounds  points of contacts that stick and slip, whose bounds are sampled; auto: 
 stability  points of contacts with two tangents, whose verdicts take longer than they
 search  the same where branches that coexist are sought; a search that is cut short begins again
 study   peaks over samples; gone on with batch by batch
-peak    a curve of peaks: nothing is kept before its end, and a file that is there is whole
+mode    a nonlinear mode; gone on with by --resume
+fit     two parameters of a wedge; evaluations are kept
+peak, campbell, optimise    nothing is kept before their end, and a file that is there is whole
+
+Beside every result lie files of others, under names that end as those of attrito do: `touched` is to be zero.
 """
 
 from __future__ import annotations
@@ -42,14 +46,21 @@ from typing import Any
 TESTS = Path(__file__).resolve().parents[1] / "tests" / "python"
 sys.path.insert(0, str(TESTS))
 
-from jobs import ENVIRONMENT, Job, chain, wedge, write_job  # noqa: E402 (a folder of scripts, not a package)
+from jobs import ENVIRONMENT, Job, blocks, chain, wedge, write_blocks, write_job  # noqa: E402 (scripts, no package)
+from mode_jobs import rubbing as mode_job  # noqa: E402
 from restarts import differences  # noqa: E402
+from rubbing_fit import measured, rubbing, write_fit  # noqa: E402
+from wedge_optimum import wedge_peak, write_optimum  # noqa: E402
 
 from attrito.results.journal import is_journal, read_journal  # noqa: E402
 from attrito.results.result import Result  # noqa: E402
 from attrito.results.tables import table  # noqa: E402
 
 INPUT, RESULT = "input.toml", "result.h5"
+# Not ours, in the folder of the result
+FOREIGN = {
+    name: f"{name} of others".encode() for name in ("other.h5", "other.h5.partial", "notes.parts", "other.h5.lock")
+}
 # From a signal at one rank to the end of all
 MOST_SECONDS = 20.0
 Kept = dict[Any, Any]
@@ -104,6 +115,34 @@ def _study(folder: Path, samples: int) -> None:
     vary = [{"name": "mu", "keys": ["contact[*].friction_coefficient"], "low": 0.3, "high": 0.6}]
     study = {"job": "job.toml", "file": RESULT, "samples": samples, "batch": 2, "vary": vary}
     write_job(folder, study, INPUT)
+
+
+def _mode(folder: Path, amplitudes: int) -> None:
+    job = mode_job(harmonics=7)
+    job["mode"] |= {"points": amplitudes, "file": RESULT}
+    job["output"]["file"] = "sweep.h5"
+    write_job(folder, job, INPUT)
+
+
+def _fit(folder: Path, _: int) -> None:
+    measured(folder, rubbing())
+    Path(write_fit(folder, file=RESULT)).rename(folder / INPUT)
+    _clean(folder)
+
+
+def _optimise(folder: Path, _: int) -> None:
+    write_job(folder, wedge_peak())
+    Path(write_optimum(folder, file=RESULT)).rename(folder / INPUT)
+
+
+def _campbell(folder: Path, speeds: int) -> None:
+    write_blocks(folder / "model.h5")
+    axis = {"axis_point": [0.0, 0.0, 0.0], "axis_direction": [0.0, 0.0, 1.0]}
+    job = blocks()
+    job["load"].append({"name": "spin", "kind": "centrifugal", "speed_hz": 1.0, **axis})
+    job["campbell"] = {"speeds_hz": [i / speeds for i in range(speeds)], "modes": 3, "file": RESULT}
+    job["output"]["file"] = "sweep.h5"
+    write_job(folder, job, INPUT)
 
 
 def _points(folder: Path) -> Kept:
@@ -164,12 +203,16 @@ TARGETS = {
         ("run", "--resume", INPUT), lambda folder, points: _sliding(folder, points, branches=2), _points, _journal_reads
     ),
     "study": Target(("study", INPUT), _study, _batches, _batches_read),
+    "mode": Target(("mode", "--resume", INPUT), _mode, lambda folder: {}, lambda folder: True),
+    "fit": Target(("fit", INPUT), _fit, lambda folder: {}, lambda folder: True),
     "peak": Target(
         ("peak", INPUT),
         lambda folder, points: _peaks(folder, INPUT, stop=10.0 + points, file=RESULT),
         lambda folder: {},
         lambda folder: True,
     ),
+    "campbell": Target(("campbell", INPUT), _campbell, lambda folder: {}, lambda folder: True),
+    "optimise": Target(("optimise", INPUT), _optimise, lambda folder: {}, lambda folder: True),
 }
 
 
@@ -177,10 +220,13 @@ def kill_and_go_on(folder: Path, what: str, kills: int, ranks: int, size: int, s
     """What so many kills found."""
     target, chance = TARGETS[what], random.Random(seed)
     target.prepare(folder, size)
+    for name, content in FOREIGN.items():
+        (folder / name).write_bytes(content)
     seconds = [_whole_run(folder, target, ranks) for _ in range(2)][-1]
     whole = (folder / RESULT).rename(folder / "whole.h5")
     _clean(folder)
     found = {"kills": 0, "with_something_kept": 0, "completed": 0, "lost": 0, "unreadable": 0, "different": 0}
+    found |= {"touched": 0}
     before: Kept = {}
     while found["kills"] < kills:
         run = _start(folder, target, ranks)
@@ -189,6 +235,10 @@ def kill_and_go_on(folder: Path, what: str, kills: int, ranks: int, size: int, s
         except subprocess.TimeoutExpired:
             _kill(run)
             found["kills"] += 1
+        found["touched"] += any(
+            not (folder / name).is_file() or (folder / name).read_bytes() != content
+            for name, content in FOREIGN.items()
+        )
         if (folder / RESULT).exists():
             found["completed"] += 1
             found["different"] += bool(differences(folder / RESULT, whole))

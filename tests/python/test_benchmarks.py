@@ -201,7 +201,7 @@ def test_every_format_of_matrix_files_reads_to_the_same_matrix():
 def test_runs_that_are_killed_lose_no_point_and_end_as_if_they_had_not_been(tmp_path, ranks, times):
     found = kills.kill_and_go_on(tmp_path, "run", times, ranks, size=10, seed=3)
     assert found["kills"] == times
-    assert (found["lost"], found["unreadable"], found["different"]) == (0, 0, 0)
+    assert (found["lost"], found["unreadable"], found["different"], found["touched"]) == (0, 0, 0, 0)
 
 
 def test_pairing_measures_every_kind_of_contact():
