@@ -10,7 +10,7 @@ import sys
 
 import h5py
 import pytest
-from jobs import ENVIRONMENT, attrito, wedge, write_job
+from jobs import ENVIRONMENT, attrito, swept, wedge, write_job
 
 from attrito.job.settings import apply_settings
 from attrito.runs.progress import fitted, in_time, share_done, wrapped
@@ -92,6 +92,13 @@ def test_quiet_says_nothing_and_verbose_a_line_for_every_point(tmp_path):
     assert attrito(tmp_path, "run", job, "-q").stdout == ""
     said = attrito(tmp_path, "run", job, "-v").stdout
     assert sum(" Hz " in line and "level" in line for line in said.splitlines()) == 4
+
+
+def test_quiet_keeps_warnings_and_puts_them_on_standard_error(tmp_path):
+    # From 60 to 90 Hz the wedge has no resonance.
+    done = attrito(tmp_path, "run", write_job(tmp_path, swept(wedge(), 60.0, 90.0)), "-q")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert done.stderr.startswith("warning: no natural frequency from 60 to 90 Hz")
 
 
 def test_an_unknown_option_shows_the_usage_of_its_command(tmp_path):

@@ -49,7 +49,7 @@ def parser() -> argparse.ArgumentParser:
         )
     for name in TALKING:
         how_much = parsers.choices[name].add_mutually_exclusive_group()
-        how_much.add_argument("-q", "--quiet", action="store_true", help="say nothing but errors")
+        how_much.add_argument("-q", "--quiet", action="store_true", help="say nothing but warnings and errors")
         how_much.add_argument("-v", "--verbose", action="store_true", help="a line for every point")
     for name, one in parsers.choices.items():
         one.epilog, one.formatter_class = example(name), argparse.RawDescriptionHelpFormatter

@@ -28,7 +28,7 @@ from attrito.cli.standard_output import (
 from attrito.support.errors import Fault, InputError, NumericsError, unforeseen, unusable_file
 from attrito.support.memory_limit import ROWS, take_buffers
 from attrito.support.overwrite_check import check_files, is_nameless
-from attrito.support.verbosity import VERBOSE
+from attrito.support.verbosity import QUIET, VERBOSE
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -106,8 +106,12 @@ def _as_talkative(options: argparse.Namespace) -> Iterator[None]:
     if getattr(options, "verbose", False):
         os.environ[VERBOSE] = "1"
     if getattr(options, "quiet", False):
-        with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
-            yield
+        os.environ[QUIET] = "1"
+        try:
+            with open(os.devnull, "w") as nowhere, contextlib.redirect_stdout(nowhere):
+                yield
+        finally:
+            del os.environ[QUIET]
     else:
         yield
 

@@ -19,7 +19,7 @@ import numpy as np
 
 from attrito.library.names import NO_SOLUTION
 from attrito.runs.linear_references import in_words
-from attrito.support.verbosity import is_verbose
+from attrito.support.verbosity import is_quiet, is_verbose
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -71,7 +71,10 @@ class Progress:
         for warning in warnings:
             if warning not in self.warnings:
                 self.warnings.append(warning)
-                self.say(f"warning: {warning}")
+                if is_quiet() and self._speaks:
+                    print(f"warning: {warning}", file=sys.stderr, flush=True)
+                else:
+                    self.say(f"warning: {warning}")
 
     def _leave_standing(self) -> None:
         """The last point's line is to be read."""
