@@ -275,6 +275,17 @@ def test_what_is_in_the_place_of_the_folder_of_reductions_is_spared(tmp_path, ca
     assert (place if kind == "file" else place / "speed_0.h5").read_text() == "theirs"
 
 
+def test_a_job_of_another_folder_leaves_no_reductions_in_it(tmp_path, capfd):
+    (tmp_path / "input").mkdir()
+    job = spinning_masses(tmp_path / "input") | {"reduction": {"modes": 21}}
+    job["output"]["file"] = "../out/result.h5"
+    write_job(tmp_path / "input", job)
+    done = attrito_here(tmp_path, capfd, "campbell", "input/job.toml")
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in (tmp_path / "input").iterdir()) == ["job.toml", "model.h5"]
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == ["result.campbell.h5", "result.campbell.png"]
+
+
 def said_of(folder, capfd, job):
     done = attrito_here(folder, capfd, "campbell", write_job(folder, job))
     assert done.returncode == 2, done.stdout

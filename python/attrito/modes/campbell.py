@@ -140,7 +140,7 @@ def _prepared(
     with _folder(comm, job) as folder:
         for number, speed in enumerate(speeds):
             there = on_root_only(comm, lambda at=speed: _without_recovery(job, scene.at(at)))
-            keys = job["reduction"] | {"file": str(Path(folder) / f"speed_{number}.h5")}
+            keys = job["reduction"] | {"file": str(Path(folder).absolute() / f"speed_{number}.h5")}
             yield speed, prepare(comm, replace(job, tables=job.tables | {"reduction": keys}), there, progress)
 
 
