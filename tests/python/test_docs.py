@@ -14,6 +14,8 @@ from pathlib import Path
 
 import build_pages
 import generate
+import h5py
+import numpy as np
 import pytest
 from figures import LEAST_PIXELS, pixels
 from jobs import ENVIRONMENT, TIMEOUT, attrito_here
@@ -237,10 +239,11 @@ def test_a_script_runs_and_says_something(script, tmp_path, capfd):
     assert done.stdout.strip() and "Warning" not in done.stderr
 
 
-def test_the_first_run_s_own_model_gives_the_numbers_that_it_tells(tmp_path):
-    """The commands of docs/tutorials/first-run.md on input/strip.inp, in a copy of the folders they need."""
-    text = (ROOT / "docs" / "tutorials" / "first-run.md").read_text()
-    blocks = re.findall(r"```\n(.*?)```", text[text.index("## 2.") :], flags=re.DOTALL)
+def commands_of(name: str, tmp_path: Path, begin: str = "") -> tuple[str, str]:
+    """The commands of a tutorial from a heading on, run in a copy of `input/`: its text, and what they print."""
+    text = (ROOT / "docs" / "tutorials" / name).read_text()
+    text = text[text.index(begin) :]
+    blocks = re.findall(r"```\n(.*?)```", text, flags=re.DOTALL)
     commands = "\n".join(block for block in blocks if re.match(r"mkdir|attrito", block))
     shutil.copytree(ROOT / "input", tmp_path / "input")
     (tmp_path / "bin").mkdir()
@@ -256,9 +259,85 @@ def test_the_first_run_s_own_model_gives_the_numbers_that_it_tells(tmp_path):
         timeout=TIMEOUT,
     )
     assert done.returncode == 0, done.stderr
+    return text, done.stdout
+
+
+def states(text: str, pattern: str, values: list[float]) -> None:
+    """A sentence of a page has these values, to 1 % or to the last digit that it gives: the groups of the pattern."""
+    found = re.search(pattern, text)
+    assert found, pattern
+    for stated, value in zip(found.groups(), values, strict=True):
+        digits, _, exponent = stated.partition("e")
+        last = 10.0 ** (int(exponent or 0) - len(digits.partition(".")[2]))
+        assert float(stated) == pytest.approx(value, rel=0.01, abs=0.5 * last), pattern
+
+
+def peak_of(file: Path, monitor: str, level: float = 1.0) -> tuple[float, float, float, int]:
+    """The largest amplitude at a level, its frequency, the part by which it is below the stuck peak, its point."""
+    with h5py.File(file) as result:
+        amplitude = result[f"monitors/{monitor}/amplitude"][:]
+        at = int(np.argmax(np.where(result["points/level"][:] == level, amplitude, 0.0)))
+        linear = result[f"linear/stuck/{monitor}"][:].max() * level
+        return amplitude[at], result["points/frequency_hz"][at], 1.0 - amplitude[at] / linear, at
+
+
+def test_the_wedge_gives_the_numbers_that_its_tutorial_states(tmp_path):
+    text, printed = commands_of("wedge.md", tmp_path)
+    assert (
+        "stuck 132.7, 264.8, frictionless 116.3, 258" in printed
+        and "stuck 132.7, 264.8, frictionless 116.3, 258" in text
+    )
+    file = tmp_path / "out" / "wedge" / "wedge.h5"
+    top, hertz, below, at = peak_of(file, "x")
+    states(text, r"x   (\S+) m at (\S+) Hz", [top, hertz])
+    states(text, r"peak would be (\S+) m; friction takes (\d+) %", [top / (1 - below), 100 * below])
+    with h5py.File(file) as result:
+        states(text, r"(\d+) points, all solved", [len(result["points/level"])])
+        contact = {
+            name: result[f"contacts/{name}"][:, 0] for name in ("n_mean", "t1_low", "t1_high", "unique", "state")
+        }
+        names = [name.decode() for name in result["contacts/state"].attrs["names"]]
+        frequency = result["points/frequency_hz"][:]
+    for point, place in ((0, "140"), (at, "133.11"), (-1, "100")):
+        row = next(line for line in text.splitlines() if line.startswith(f"| {place} |")).split(" | ")
+        assert row[1] == names[contact["state"][point]] and (row[4] == "true |") == (contact["unique"][point] == 1)
+        bounds = [float(bound) for bound in row[3].split(" to ")]
+        assert [float(row[2]), bounds[0], bounds[-1]] == pytest.approx(
+            [contact[name][point] for name in ("n_mean", "t1_low", "t1_high")], rel=0.01
+        )
+    slips = frequency[contact["state"] == names.index("slipping")]
+    states(text, r"Between (\d+) and (\d+) Hz", [slips.max(), slips.min()])
+    states(text, r"(\S+) N apart at 100 Hz", [contact["t1_high"][-1] - contact["t1_low"][-1]])
+    frozen = peak_of(tmp_path / "out" / "wedge" / "uncoupled.h5", "x")
+    states(text, r"its peak is (\S+) m, 14 % too high", [frozen[0]])
+    assert round(100 * (frozen[0] / top - 1)) == 14
+    with h5py.File(tmp_path / "out" / "wedge" / "uncoupled.h5") as result:
+        states(text, r"is then (\S+) N at every point", [result["contacts/n_mean"][:, 0].mean()])
+        assert np.ptp(result["contacts/n_mean"][:, 0]) < 1e-6
+    assert peak_of(tmp_path / "out" / "wedge" / "levels.h5", "x", 0.5)[2] == pytest.approx(0.0, abs=1e-3)
+    _, hertz, below, _ = peak_of(tmp_path / "out" / "wedge" / "levels.h5", "x", 2.0)
+    states(
+        text, r"takes (\d+) % of the linear peak, and the frequency of the peak falls to (\d+) Hz", [100 * below, hertz]
+    )
+
+
+def test_the_first_run_s_own_model_gives_the_numbers_that_it_states(tmp_path):
+    text, printed = commands_of("first-run.md", tmp_path, "## 2.")
+    blocks = re.findall(r"```\n(.*?)```", text, flags=re.DOTALL)
     told = next(block for block in blocks if block.startswith("out/strip/model.h5:"))
-    assert [line for line in told.splitlines() if line not in done.stdout] == []
-    assert "stuck 759.8" in done.stdout and "frictionless 464.7" in done.stdout
+    assert [line for line in told.splitlines() if line not in printed] == []
+    assert "stuck 759.8," in printed and "frictionless 464.7," in printed
+    assert "759.8 Hz with all contacts stuck and 464.7 Hz without friction" in text
+    assert "stuck 1111," in printed and "Sweep from 390 to 1300 Hz." in printed
+    assert "the stuck frequency is 1111 Hz" in text and "proposes a band: 390 to 1300 Hz" in text
+    for level in (0.1, 1.0):
+        top, hertz, below, _ = peak_of(tmp_path / "out" / "strip" / "result.h5", "tip", level)
+        row = rf"tip   (\S+) mm at (\S+) Hz +(\d+) % .*level {level:g}\n"
+        states(text, row, [top, hertz, 100 * below])
+        # What the run prints has the same form as what the page shows.
+        states(printed, row, [top, hertz, 100 * below])
+    stress = re.search(r"largest alternating von Mises stress (\S+)", printed)[1]
+    states(text, r"largest alternating stress there is (\S+) MPa", [float(stress)])
     # A curve a level
     for place in (0.0, 1.0):
         assert pixels(tmp_path / "out" / "strip" / "frf.png", level_map()(place)) > LEAST_PIXELS
