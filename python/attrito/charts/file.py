@@ -143,7 +143,7 @@ def write(chart: Chart, path: str, job: str) -> None:
     with whole_hdf5(path) as file:
         file.attrs["format"], file.attrs["attrito_version"], file.attrs["job_file"] = FORMAT, __version__, job
         file.attrs["description"] = (
-            "error against cost of the ways to solve a scene; see docs/evidence/accuracy.md of attrito"
+            "error against cost of the ways to solve a scene; see docs/evidence/charts.md of attrito"
         )
         for name, value in chart.places.items():
             file.attrs[name] = value
