@@ -22,6 +22,7 @@ from attrito.plots.diameters import diameter_diagram
 from attrito.plots.modes import mode_curve
 from attrito.plots.response import Drawing, responses
 from attrito.plots.style import Look, save
+from attrito.plots.ticks import plain_ticks
 from attrito.results.chosen_points import chosen_point
 from attrito.results.loops import contact_loops, most_dissipating
 from attrito.results.motion import QUANTITIES
@@ -124,6 +125,7 @@ def plot(
     """
     wishes = Wishes(monitor, quantity, level, xlim, log, references, speed_hz, loops, map, point, contact)
     figure, _ = draw([os.fspath(file) for file in files], wishes, look or Look())
+    plain_ticks(figure)
     if output is not None:
         save(figure, output)
     return figure

@@ -6,13 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
 from attrito.charts.file import Chart, Way, stored_table, write
 from attrito.charts.plot import SIZE, picture, picture_of_chart
 from attrito.plots.style import Look
-from attrito.plots.ticks import label_short_log
 
 # Error, seconds and counted work of ways: two near each other, two at one error, one at the right-hand end of the panel
 NEAR = [
@@ -90,14 +88,3 @@ def test_marks_below_the_reference_s_own_error_are_left_out():
         for y in line.get_ydata()
     ]
     assert sorted(drawn) == sorted(error for error, _, _ in NEAR if error > 0.012)
-
-
-@pytest.mark.parametrize(
-    ("ends", "numbers"), [((18.0, 43.0), {"20", "40"}), ((0.7, 30.0), {"1", "2", "5", "10", "20"})]
-)
-def test_a_short_logarithmic_axis_has_plain_numbers(ends, numbers):
-    axes = Figure().add_subplot()
-    axes.semilogx(ends, [1.0, 1.0])
-    label_short_log(axes.xaxis)
-    shown = {text.get_text() for text in axes.get_xticklabels()}
-    assert numbers <= shown and not any("10^" in text for text in shown)

@@ -17,6 +17,7 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 
 from attrito.plots.style import STYLE, Look, plain_text
+from attrito.plots.ticks import plain_ticks
 from attrito.support.atomic_files import whole_file
 from attrito.support.errors import Fault, InputError
 
@@ -111,6 +112,7 @@ class Printout:
                 hspace=0.0, wspace=0.0,
             )  # fmt: skip
             place_panels(figure.add_subfigure(grid[1, 1]), panels, rows)
+        plain_ticks(figure)
         return figure
 
 
