@@ -7,7 +7,7 @@ import subprocess
 import sys
 
 import pytest
-from jobs import TIMEOUT, run, wedge
+from jobs import TIMEOUT, attrito_here, run, wedge, write_job
 
 from attrito.cli.arguments import parser
 from attrito.cli.words import EXAMPLES, in_groups
@@ -53,3 +53,10 @@ def test_a_table_waits_for_no_picture_and_no_numerics(tmp_path):
     done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True, timeout=TIMEOUT)
     assert done.returncode == 0, done.stderr
     assert done.stdout.startswith("point,branch")
+
+
+def test_a_table_of_bands_is_a_study_s_alone(tmp_path, capfd):
+    light = wedge() | {"mode": {"start": 1e-6, "stop": 1e-4, "points": 3}}
+    assert attrito_here(tmp_path, capfd, "mode", write_job(tmp_path, light)).returncode == 0
+    done = attrito_here(tmp_path, capfd, "table", "result.mode.h5", "--bands")
+    assert (done.returncode, "--bands = 'given': expected a file of `attrito study`" in done.stderr) == (2, True)

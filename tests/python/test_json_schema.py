@@ -70,3 +70,11 @@ def test_a_fault_of_key_type_or_range_is_refused(folder, line, fault):
     assert line in text
     (folder / "bad.toml").write_text(SCHEMA + text[text.index("\n") :].replace(line, fault, 1))
     assert not accepts(folder / "bad.toml")
+
+
+@pytest.mark.parametrize("monitors", ["", "monitors = []"])
+def test_a_job_of_a_mode_needs_no_monitors(folder, monitors):
+    text = (ROOT / "input" / "wedge.toml").read_text()
+    mode = f"[mode]\nstart = 1e-6\nstop = 1e-3\n\n[output]\nfile = 'm.h5'\n{monitors}\n"
+    (folder / "mode.toml").write_text(SCHEMA + text[text.index("\n") : text.index("[sweep]")] + mode)
+    assert accepts(folder / "mode.toml")

@@ -215,6 +215,9 @@ def test_a_mode_that_is_cut_short_goes_on_as_if_it_had_not_been(tmp_path, monkey
     (tmp_path / "result.mode.h5").unlink()
     cut_short(tmp_path, monkeypatch, known)
     assert (tmp_path / "result.mode.h5.partial").is_file() and not (tmp_path / "result.mode.h5").exists()
+    # What there is of it has the table of a mode.
+    begun = table(tmp_path, result="result.mode.h5.partial") if known else []
+    assert len(begun) == known and all("damping_ratio" in row for row in begun)
     done = attrito(tmp_path, "mode", "job.toml", "--resume")
     assert done.returncode == 0, done.stderr
     assert f"going on after {known} points" in done.stdout + done.stderr

@@ -22,7 +22,7 @@ def result(folder):
 def test_a_result_its_file_and_what_is_open_give_the_same(folder, result):
     with attrito.Result(result.path) as opened:
         for work in (attrito.table, attrito.contact_table, attrito.multiplier_table, attrito.bifurcation_table):
-            assert work(result) == work(result.path) == work(opened)
+            assert work(result) == work(result.path) == work(opened) == work(result=result)
         for one in (result, result.path, opened):
             assert [line.get_label() for line in attrito.plot(one).axes[0].get_lines()]
             attrito.write_report(one, folder / "page.html")

@@ -10,6 +10,7 @@ import glob
 import importlib
 import shlex
 import sys
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -264,7 +265,7 @@ TABLE_OF = {
 
 def _table(options: argparse.Namespace) -> str:
     """The text of a table."""
-    from attrito.cli.applies import OF_TABLES, check_table
+    from attrito.cli.applies import OF_TABLES, STUDY, check_table
     from attrito.results import tables
     from attrito.results.result import Result
     from attrito.support.hdf5_reading import format_of
@@ -280,20 +281,25 @@ def _table(options: argparse.Namespace) -> str:
     if options.columns and (asked or options.curve is not None):
         raise InputError(Fault("table", "--columns", ", ".join(options.columns), "the table of points"))
     form = format_of(options.result)
-    work = None
-    if form in TABLE_OF:
-        module, name = TABLE_OF[form].split(":")
-        work = getattr(importlib.import_module(module), "band_table" if options.bands else name)
-    if work is not None and (form == "attrito study" or form not in OF_TABLES):
+    if form in TABLE_OF and (form == STUDY or form not in OF_TABLES):
         check_table(options, form if form in OF_TABLES else None)
-        return work(options.result)
+        return _maker(form, options.bands)(options.result)
     with Result(options.result) as result:
-        check_table(options, result.attribute("format"))
+        # A journal has the format of what it is going to be.
+        form = result.attribute("format")
+        check_table(options, form)
         if options.curve is not None:
             return tables.curve_table(result, options.curve)
         if asked is not None:
             return kinds[asked](result)
-        return work(result) if work is not None else tables.table(result, options.columns or ())
+        return _maker(form)(result) if form in TABLE_OF else tables.table(result, options.columns or ())
+
+
+def _maker(form: str, bands: bool = False) -> Callable[..., str]:
+    """What makes the table of files of a format, or a study's table of bands."""
+    module, name = TABLE_OF[form].split(":")
+    made: Callable[..., str] = getattr(importlib.import_module(module), "band_table" if bands else name)
+    return made
 
 
 def plot(options: argparse.Namespace) -> None:

@@ -6,6 +6,7 @@ A job whose first line is `#:schema https or path of job.schema.json` is checked
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from typing import Any
 
 from attrito.job.checks import schema_of
@@ -18,7 +19,10 @@ def as_json_schema() -> str:
     """The schema of a job as text."""
     properties = {}
     for name, keys in tables().items():
-        one = _table(keys)
+        # A mode needs no monitors, and whether a job is one of a mode the schema does not know.
+        one = _table(keys | {"monitors": replace(keys["monitors"], required=False)} if name == "output" else keys)
+        if name == "output":
+            one["properties"]["monitors"] |= {"minItems": 0}
         described = {"description": plain(PURPOSES[name])}
         properties[name] = {"type": "array", "items": one} | described if name in ARRAYS else one | described
     whole = {

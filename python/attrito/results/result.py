@@ -9,7 +9,7 @@ from functools import wraps
 from html import escape
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any, Concatenate, ParamSpec, TypeVar, cast
 
 import h5py
 import numpy as np
@@ -300,13 +300,14 @@ def reading(work: Callable[Concatenate[Result, P], Value]) -> Callable[Concatena
     """What is done with an open result, done with a file's name or what `attrito.run` returns, too."""
 
     @wraps(work)
-    def done(result: Result | PathLike, /, *others: P.args, **named: P.kwargs) -> Value:
+    def done(result: Result | PathLike, *others: P.args, **named: P.kwargs) -> Value:
         if isinstance(result, Result):
             return work(result, *others, **named)
         with Result(result) as own:
             return work(own, *others, **named)
 
-    return done
+    # The first argument may be named, too, which Concatenate cannot say.
+    return cast(Callable[Concatenate[Result | PathLike, P], Value], done)
 
 
 def _open(path: str) -> h5py.File:
