@@ -70,3 +70,34 @@ def test_what_a_setting_gave_has_no_line(tmp_path):
     text = JOB.replace("stifness", "stiffness").replace("-2.0", "2.0").replace("harmonc", "harmonic")
     (fault,) = faults(text, tmp_path, ["sweep.start_hz=-1.0", "sweep.stop_hz=95.0"])
     assert fault.startswith("job.toml: [sweep] start_hz = -1.0: expected ")
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("[balance]\ntolerance = 0.1\nharmonics = -5\n", 3),
+        ("balance.harmonics = -5\n", 1),
+        ("balance = { harmonics = -5 }\n", 1),
+        ('["balance"]\nharmonics = -5\n', 2),
+        ('[model]\nunits = """\n[balance]\nharmonics = 3\n"""\n[balance]\nharmonics = -5\n', 7),
+        ("# a line\u2028that is one for TOML\n[balance]\nharmonics = -5\n", 3),
+        ("[balance]\r\nharmonics = -5\r\n", 2),
+    ],
+)
+def test_a_key_is_found_in_whatever_way_it_is_written(text, line):
+    assert line_of("[balance] harmonics", places(text)) == line
+
+
+def test_a_setting_of_another_table_leaves_the_line(tmp_path):
+    text = JOB.replace("stifness", "stiffness").replace("-2.0", "2.0").replace("[sweep]", "[sweep]\nstop_hz = 95.0")
+    (fault,) = faults(text, tmp_path, ["load[0].name=push", "contact[*].preload=20.0"])
+    assert fault.startswith("job.toml:19: load[0] kind = 'harmonc'")
+    (fault,) = faults(text.replace("harmonc", "harmonic"), tmp_path, ["contact[1].preload='much'"])
+    assert fault.startswith("job.toml: contact[1] preload = 'much'")
+
+
+def test_a_misspelt_table_is_one_fault(tmp_path):
+    text = JOB.replace("stifness", "stiffness").replace("-2.0", "2.0").replace("harmonc", "harmonic")
+    text = text.replace("[sweep]", "[sweep]\nstop_hz = 95.0").replace("[output]", "[ouput]")
+    (fault,) = faults(text, tmp_path)
+    assert fault == "job.toml:24: [ouput] = 'unknown table': expected a known table; do you mean output?"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -55,13 +56,16 @@ def read_job(
 def located(faults: Sequence[Fault], path: str, settings: Sequence[str]) -> list[Fault]:
     """Faults of a job's file with their lines; what `--set` gave has none."""
     known = places(Path(path).read_text(encoding="utf-8-sig"))
-    given = {setting.partition("=")[0].rpartition(".")[2] for setting in settings}
+    given = {_place(setting.partition("=")[0].replace(".", " ")) for setting in settings}
     return [
-        fault
-        if fault.file != path or fault.key.rpartition(" ")[2] in given
-        else replace(fault, line=line_of(fault.key, known))
+        fault if fault.file != path or _place(fault.key) in given else replace(fault, line=line_of(fault.key, known))
         for fault in faults
     ]
+
+
+def _place(key: str) -> tuple[str, ...]:
+    """Table and key of `[table] key`, `table[0] key[1]` or, of a setting, `table[*] key`."""
+    return tuple(re.sub(r"\[[\d*]*\]|[\[\]]", "", key).split()[:2])
 
 
 def plain(value: Any) -> Any:
@@ -88,9 +92,11 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True, like: Job | 
     before = {} if like is None else like.tables
     tables: dict[str, Any] = {}
     known = sorted(TABLES | ARRAYS)
+    meant: set[str | None] = set()
     for name in raw:
         if name not in known:
-            near = nearest(name, known)
+            near = nearest(name, [one for one in known if one not in raw])
+            meant.add(near)
             expected = f"a known table; do you mean {near}?" if near else "one of " + ", ".join(known)
             faults.append(Fault(path, f"[{name}]", "unknown table", expected))
     for name, keys in TABLES.items():
@@ -107,7 +113,8 @@ def check_job(raw: dict[str, Any], path: str, excited: bool = True, like: Job | 
             there = before.get(name, {})
             tables[name] = _check_table(path, f"[{name}]", table, needed, faults, there, required=name in raw)
         else:
-            faults.append(Fault(path, f"[{name}]", "missing", f"a table with {', '.join(keys)}"))
+            if name not in meant:
+                faults.append(Fault(path, f"[{name}]", "missing", f"a table with {', '.join(keys)}"))
             tables[name] = {key: spec.default for key, spec in keys.items()}
     for name, keys in ARRAYS.items():
         rows = raw.get(name, [])

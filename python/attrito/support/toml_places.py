@@ -8,8 +8,8 @@ from __future__ import annotations
 import re
 from collections import Counter
 
-HEADER = re.compile(r"\s*(\[\[?)\s*([\w.-]+)\s*\]\]?")
-KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*(?:\.[\w."'-]+\s*)?=\s*(.*)""")
+HEADER = re.compile(r"""\s*(\[\[?)\s*["']?([\w.-]+)["']?\s*\]\]?""")
+KEY = re.compile(r"""\s*["']?([\w-]+)["']?\s*(?:\.\s*["']?([\w-]+)["']?\s*)?=\s*(.*)""")
 # Texts and comments, which may have brackets in them
 WORDS = re.compile(r'"(?:[^"\\]|\\.)*"|\'[^\']*\'|#.*')
 Place = tuple[str, int | None, str | None]
@@ -20,8 +20,13 @@ def places(text: str) -> dict[Place, int]:
     found: dict[Place, int] = {}
     counts: Counter[str] = Counter()
     table: tuple[str, int | None] = ("", None)
-    depth = 0
-    for number, line in enumerate(text.splitlines(), 1):
+    depth, quotes = 0, ""
+    for number, line in enumerate(text.split("\n"), 1):
+        # A text of several lines may hold what looks like keys.
+        if quotes:
+            quotes = "" if quotes in line else quotes
+            continue
+        quotes = next((sign for sign in ('"""', "'''") if line.count(sign) % 2), "")
         if depth > 0:
             depth += _opened(line)
             continue
@@ -33,7 +38,11 @@ def places(text: str) -> dict[Place, int]:
             found.setdefault((*table, None), number)
         elif key:
             found.setdefault((*table, key[1]), number)
-            depth = _opened(key[2])
+            # `balance.harmonics = 5`, and tables within a line, before any header
+            if table == ("", None):
+                found.setdefault((key[1], None, key[2]), number)
+                found.setdefault((key[1], None, None), number)
+            depth = 0 if quotes else _opened(key[3])
     return found
 
 
@@ -44,7 +53,8 @@ def line_of(key: str, known: dict[Place, int]) -> int:
         return 0
     table = (named[1] or named[2] or named[4], None if named[3] is None else int(named[3]))
     last = re.match(r" ([\w-]+)", key[named.end() :])
-    return known.get((*table, last[1] if last else None), known.get((*table, None), 0))
+    whole = known.get((*table, None), known.get((table[0], None, None), 0))
+    return known.get((*table, last[1] if last else None), whole)
 
 
 def _opened(text: str) -> int:
