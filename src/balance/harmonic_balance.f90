@@ -14,6 +14,7 @@ module attrito_balance_harmonic_balance
   use attrito_model_contacts, only: contact_type
   use attrito_contact_evaluation, only: quadrature_type, evaluate_contact
   use attrito_contact_forces, only: contact_forces_type
+  use attrito_contact_state, only: state_open
   use attrito_contact_kept_forces, only: keep_forces
   use attrito_contact_straight_increment, only: evaluate_increment
   use attrito_balance_shared_evaluation, only: owners_of, exchange
@@ -113,6 +114,7 @@ module attrito_balance_harmonic_balance
     procedure :: residual_omega
     procedure :: imbalance
     procedure :: slide_in
+    procedure :: beside_slide
     procedure :: remove_drift
     procedure :: slip_radii, largest_slip_radius
     procedure :: recover
@@ -379,6 +381,40 @@ contains
       slide = matmul(free%rows(first_row:last_row, :free%sliding), free%slide_of(held))
     end associate
   end function slide_in
+
+  !> A change of the mean less what of it slides bodies along all contacts that close in the period, at the rows of these; a contact
+  !> that stays open neither holds a body nor says where it is.
+  function beside_slide(self, change) result(held)
+    class(balance_type), intent(in) :: self
+    !> Of mean relative displacements [rows]
+    real(wp), intent(in) :: change(:)
+    !> [rows]
+    real(wp) :: held(size(change)), sums(self%free%count, self%free%count, 3), right(self%free%count)
+    logical :: closes(size(change)), is_normal(size(change))
+    integer :: i
+
+    is_normal = .false.
+    do i = 1, size(self%law)
+      associate (first => self%law(i)%first_row, last => self%law(i)%first_row + self%law(i)%tangents)
+        closes(first:last) = self%forces(i)%state /= state_open
+        is_normal(last) = .true.
+      end associate
+    end do
+    held = merge(change, 0.0_wp, closes)
+    associate (free => self%free, first_row => self%first_row, last_row => self%first_row + size(change) - 1)
+      associate (motions => free%rows(first_row:last_row, :), forced => free%held_rows(first_row:last_row, :))
+        sums(:, :, 1) = matmul(transpose(forced), spread(merge(1.0_wp, 0.0_wp, closes .and. is_normal), 2, free%count)*forced)
+        sums(:, :, 2) = matmul(transpose(forced), spread(merge(1.0_wp, 0.0_wp, closes), 2, free%count)*forced)
+        sums(:, :, 3) = matmul(transpose(motions), spread(merge(1.0_wp, 0.0_wp, closes), 2, free%count)*forced)
+        right = matmul(held, forced)
+        do i = 1, size(sums, 3)
+          call self%ranks%sum(sums(:, :, i))
+        end do
+        call self%ranks%sum(right)
+        held = held - merge(matmul(motions, free%slide_with(sums, right)), 0.0_wp, closes)
+      end associate
+    end associate
+  end function beside_slide
 
   !> Slide a body back to where it was, as far as its structure and all contacts let it: where no contact holds, nothing else changes.
   subroutine remove_drift(self, before, mean, slider)

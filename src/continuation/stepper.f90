@@ -66,7 +66,7 @@ module attrito_continuation_stepper
     type(predictor_type), private :: predictor
     !> Of the last step taken
     type(secant_type), private :: secant
-    !> Steps in a row in which hardly more than mean positions changed, and what the last step changed of the drawn curve
+    !> Steps in a row that hardly did more than slide bodies along all contacts, and what the last step changed of the drawn curve
     integer, private :: drifting = 0
     real(wp), private :: change = 0.0_wp
     !> Of the step that was examined last: distance of the branch from the arc, relative to what is another branch's

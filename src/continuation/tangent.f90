@@ -244,21 +244,19 @@ contains
     share = sqrt(share + omega**2)
   end function share_of_harmonics
 
-  !> Part of a unit direction that is anything but a slide of bodies along all contacts, which is what a drift consists of; a body
-  !> that nothing but rounding of the structure's stiffness holds slides by all mean positions.
+  !> Part of a unit direction that is anything but a slide of bodies along all contacts that close, which is what a drift consists of;
+  !> a body that nothing but rounding of the structure's stiffness holds slides by all mean positions. The slide is taken in the norm
+  !> of the springs and the rest measured in lengths, so that a part may be a little above 1.
   real(wp) function share_beside_slide(solver, motion, omega) result(share)
     !> Solver of points: its motion, sliders, angular frequency and balance
     type(solver_type), intent(in) :: solver
     !> Coefficients of relative displacement, by harmonic and row; angular frequency, rad/s
     real(wp), intent(in) :: motion(:, :), omega
-    real(wp) :: held(size(motion, 2))
 
     share = share_of_harmonics(solver, motion, omega)
     associate (balance => solver%context%balance)
       if (balance%free%count == 0) return
-      held = motion(1, :)
-      if (balance%free%sliding > 0) held = held - balance%slide_in(motion(1, :))
-      share = hypot(share, balance%norm(spread(held, 1, 1)))
+      share = hypot(share, balance%norm(spread(balance%beside_slide(motion(1, :)), 1, 1)))
     end associate
   end function share_beside_slide
 end module attrito_continuation_tangent

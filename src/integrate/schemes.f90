@@ -5,9 +5,9 @@
 !>   p_{n+1} = p + h p' + h^2 ((1/2 - beta) p''_n + beta p''_{n+1}),  p'_{n+1} = p' + h ((1-gamma) p''_n + gamma p''_{n+1})
 !> Central difference, as kick, drift, kick:
 !>   p_{n+1} = p + h (p' + h/2 p''_n),  (1 + h D/2) p'_{n+1} = p' + h/2 (p''_n + f - Lambda p - P g at n+1)
-!> Exponential: every mode exactly under forces that are linear over the step; for two tangents, whose slip has no closed form.
-!> All are of second order on smooth motion. Sources: Newmark 1959; Hilber, Hughes & Taylor 1977, doi:10.1002/eqe.4290050306;
-!> Chung & Hulbert 1993, doi:10.1115/1.2900803.
+!> Exponential: modes that a step resolves exactly under forces that are linear over it, others by Newmark's method with little
+!> dissipation (`attrito_integrate_exponential`), which is of first order; all others are of second order. Sources: Newmark 1959;
+!> Hilber, Hughes & Taylor 1977, doi:10.1002/eqe.4290050306; Chung & Hulbert 1993, doi:10.1115/1.2900803.
 module attrito_integrate_schemes
   use attrito_core_kinds, only: wp
   use attrito_integrate_equilibrium, only: operator_type, new_operator, solve_equilibrium, apply

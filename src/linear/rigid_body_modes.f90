@@ -37,6 +37,7 @@ module attrito_linear_rigid_body_modes
     real(wp), allocatable :: static_loads(:, :), mean_load(:)
   contains
     procedure :: slide_of
+    procedure :: slide_with
   end type rigid_body_modes_type
 
 contains
@@ -142,4 +143,37 @@ contains
     call solve_dense(matrix, right, info)
     slide = merge(right(:, 1), 0.0_wp, info == 0)
   end function slide_of
+
+  !> The motion c of those that slide along some contacts which is nearest to a change, in the norm of the springs; sums are over the
+  !> rows of these contacts.
+  function slide_with(self, sums, right) result(motion)
+    class(rigid_body_modes_type), intent(in) :: self
+    !> (K_c B Z)^T K_c B Z of normal rows and of all, and (B Z)^T K_c B Z [count, count, 3]
+    real(wp), intent(in) :: sums(:, :, :)
+    !> (K_c B Z)^T d [count]
+    real(wp), intent(in) :: right(:)
+    !> [count]
+    real(wp) :: motion(size(right))
+    real(wp), allocatable :: normal_part(:), motions(:, :), matrix(:, :), answer(:, :)
+    real(wp) :: whole(size(right), size(right))
+    integer :: i, slides, info
+
+    motion = 0.0_wp
+    ! Motions that no contact feels slide, too: a rounding of the rest holds them.
+    whole = sums(:, :, 2)
+    do i = 1, self%count
+      whole(i, i) = whole(i, i) + no_part*maxval([tiny(1.0_wp), abs(sums(:, :, 2))])
+    end do
+    call symmetric_eigenpairs(sums(:, :, 1), whole, normal_part, motions, info)
+    if (info /= 0) return
+    slides = count(normal_part <= no_part)
+    if (slides == 0) return
+    matrix = matmul(transpose(motions(:, :slides)), matmul(sums(:, :, 3), motions(:, :slides)))
+    do i = 1, slides
+      matrix(i, i) = matrix(i, i) + no_part*maxval([tiny(1.0_wp), abs(matrix)])
+    end do
+    answer = reshape(matmul(right, motions(:, :slides)), [slides, 1])
+    call solve_dense(matrix, answer, info)
+    if (info == 0) motion = matmul(motions(:, :slides), answer(:, 1))
+  end function slide_with
 end module attrito_linear_rigid_body_modes

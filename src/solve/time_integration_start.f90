@@ -81,7 +81,7 @@ contains
     !> What was found at this point so far, and by this
     type(strategy_outcome_type), intent(inout) :: outcome
     type(periods_type) :: periods
-    logical :: early_stop, is_resolved
+    logical :: early_stop, is_resolved, drifts_in_mean
     real(wp) :: change
     integer :: attempt, drifting
 
@@ -90,24 +90,29 @@ contains
     drifting = 0
     change = 0.0_wp
     is_resolved = .false.
+    drifts_in_mean = .false.
     do attempt = 1, attempts
       call move_on(solver, omega, periods_averaged*2**((attempt - 1)/attempts_alike), periods)
       outcome%converged = .false.
       if (.not. periods%moved) exit
-      ! Displacements whose errors are more than a thousandth of the contact forces show nothing of the motion.
-      is_resolved = periods%force_error <= settled*periods%force
+      ! Displacements whose errors are more than a thousandth of the contact forces show nothing of the motion, but that of a body
+      ! which flies has none.
+      is_resolved = periods%force <= 0.0_wp .or. periods%force_error <= settled*periods%force
       change = merge(periods%change, 0.0_wp, is_resolved)
       early_stop = modulo(attempt, full_attempt) /= 0 .or. outcome%evidence%is_drifting
       call solver%solve_at(omega, early_stop)
       outcome%iterations = outcome%iterations + solver%report%iterations
       outcome%converged = solver%report%converged
-      if (.not. outcome%converged .and. (was_drifting .or. .not. early_stop)) call find_drift(solver, omega, early_stop, outcome)
+      if (.not. outcome%converged .and. (was_drifting .or. .not. early_stop)) then
+        call find_drift(solver, omega, early_stop, outcome)
+        drifts_in_mean = outcome%evidence%is_drifting
+      end if
       if (outcome%converged .or. (was_drifting .and. outcome%evidence%is_drifting)) exit
       drifting = merge(drifting + 1, 0, periods%is_drifting)
       if (drifting == windows_in_a_row) outcome%evidence%is_drifting = .true.
       if ((outcome%evidence%is_drifting .or. .not. is_resolved) .and. attempt >= attempts_lost) exit
     end do
-    outcome%evidence%is_drifting = outcome%evidence%is_drifting .and. is_resolved
+    outcome%evidence%is_drifting = outcome%evidence%is_drifting .and. (is_resolved .or. drifts_in_mean)
     ! If the steps of a window fail, those before it have shown whether the motion settles.
     outcome%evidence%no_periodic_solution = outcome%evidence%is_drifting .or. (.not. outcome%converged .and. change > settled)
   end subroutine run_and_solve

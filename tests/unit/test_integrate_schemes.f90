@@ -26,6 +26,7 @@ program test_integrate_schemes
   call run_in_session('integrate_schemes', [ &
                 test('every scheme is of second order on smooth motion', smooth_order), &
                 test('a contact that slips leaves its mass free, however stiff it is', slip_of_stiff_contact), &
+                test('a slow mode behind an open stiff contact is hardly damped', slow_motion_of_open_contact), &
                 test('every scheme is close to second order on stick-slip', stick_slip_order), &
                 test('a step that eliminates contacts that slip or open alone is that of all rows', active_forces), &
                 test('a second tangent that nothing moves changes nothing', idle_tangent), &
@@ -78,6 +79,30 @@ contains
       if (allocated(error)) return
     end do
   end subroutine slip_of_stiff_contact
+
+  !> A force (Lambda - 1) p leaves p'' + p = 0 of a fast mode: by the determinant of its step, exp(-2 zeta h), it is damped by no more
+  !> than 0.01 h/2, and does not grow.
+  subroutine slow_motion_of_open_contact(error)
+    type(error_type), allocatable, intent(out) :: error
+    real(wp), parameter :: h = 2.0_wp*pi/64.0_wp, eigenvalues(3) = [1.0e4_wp, 1.0e6_wp, 1.0e8_wp]
+    real(wp) :: weights(4, 2, size(eigenvalues)), step(2, 2), state(4), damping
+    integer :: r, i
+
+    weights = exponential_weights(eigenvalues, 0.0_wp*eigenvalues, h)
+    do r = 1, size(eigenvalues)
+      associate (taken => eigenvalues(r) - 1.0_wp)
+        do i = 1, 2
+          state = [merge(1.0_wp, 0.0_wp, i == 1), merge(1.0_wp, 0.0_wp, i == 2), merge(taken, 0.0_wp, i == 1), 0.0_wp]
+          step(1, i) = dot_product(weights(:3, 1, r), state(:3))/(1.0_wp - taken*weights(4, 1, r))
+          state(4) = taken*step(1, i)
+          step(2, i) = dot_product(weights(:, 2, r), state)
+        end do
+      end associate
+      damping = -0.5_wp*log(step(1, 1)*step(2, 2) - step(1, 2)*step(2, 1))/h
+      call check(error, damping >= -1.0e-9_wp .and. damping <= 1.01_wp*0.005_wp*h, 'damping of a slow mode')
+      if (allocated(error)) return
+    end do
+  end subroutine slow_motion_of_open_contact
 
   !> Errors at 200, 400, ... steps a period, and the order of their fall over the whole.
   subroutine measure_order(scene, level, scheme, coarsest, order, finest)

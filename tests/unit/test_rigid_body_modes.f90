@@ -1,5 +1,6 @@
 !> Motions that the structure leaves free: which they are, what the condensed residual says of the forces along them, and sliding.
 program test_rigid_body_modes
+  use attrito_contact_state, only: state_open
   use attrito_continuation_tangent, only: share_beside_slide
   use attrito_core_errors, only: error_type
   use attrito_core_kinds, only: wp
@@ -119,6 +120,9 @@ contains
       motion(1, :) = 0.8_wp*means(:, i)/norm2(means(:, i))
       call check_close(error, share_beside_slide(solver, motion, 0.36_wp), merge(0.6_wp, 1.0_wp, i == 1), rounding, 'share')
     end do
+    ! Nor do means at contacts that stay open.
+    solver%context%balance%forces%state = state_open
+    call check_close(error, share_beside_slide(solver, motion, 0.36_wp), 0.6_wp, rounding, 'share of open contacts')
     call solver%destroy()
     solver = solver_of(rubbing_frame())
     call check_close(error, share_beside_slide(solver, motion, 0.36_wp), 0.6_wp, rounding, 'share of a structure that holds')
