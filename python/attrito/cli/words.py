@@ -49,6 +49,21 @@ INDENT, WIDTH = 2, 14
 class Parser(argparse.ArgumentParser):
     """Of a command or of all; what is not a command is named with the nearest that is."""
 
+    def format_help(self) -> str:
+        """Usage, description, options and what follows; commands are listed by what follows, in groups."""
+        if self._subparsers is None:
+            return super().format_help()
+        formatter = self._get_formatter()
+        formatter.add_usage(self.usage, self._actions, self._mutually_exclusive_groups)
+        formatter.add_text(self.description)
+        for group in self._action_groups:
+            if group is not self._subparsers:
+                formatter.start_section(group.title)
+                formatter.add_arguments(group._group_actions)
+                formatter.end_section()
+        formatter.add_text(self.epilog)
+        return formatter.format_help()
+
     def error(self, message: str) -> NoReturn:
         """End with the usage and one message, exit code 2."""
         misspelt = re.search(r"argument command: invalid choice: '([^']*)'", message)

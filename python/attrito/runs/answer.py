@@ -122,7 +122,7 @@ def _band_to_try(result: Result, found: list[Largest]) -> list[str]:
         natural = result.array(path) if result.has(path) else np.zeros(0)
         if natural.ndim == 1 and natural.size:
             nearest[name] = float(natural[np.argmin(np.abs(natural - found[0].frequency_hz))])
-    if not nearest or any(ends[0] <= one <= ends[1] for one in nearest.values()):
+    if not nearest or all(ends[0] <= one <= ends[1] for one in nearest.values()):
         return []
     words = " and ".join(f"{value:.4g} Hz ({name})" for name, value in nearest.items())
     low, high = (1.0 - MARGIN) * min(nearest.values()), (1.0 + MARGIN) * max(nearest.values())
