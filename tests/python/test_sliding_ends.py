@@ -8,10 +8,17 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from jobs import Job, run, table
+from mpi4py import MPI
 from rocking_block import rocking_block
 
+from attrito.job.reading import read_job
 from attrito.library.names import STATES
-from attrito.runs.branch_ends import reason
+from attrito.library.session import Solver
+from attrito.runs.branch_ends import reason, rigid_motions
+from attrito.runs.carrying_capacity import Closed, least_reserve, over_period
+from attrito.scene.build import build_scene
+from attrito.scene.reduced_model import reduced_scene
+from attrito.scene.solver_options import solver_options
 
 START, STOP = 160.0, 240.0
 
@@ -63,8 +70,10 @@ def test_no_periodic_motion_is_left_between_both_ends(tmp_path):
 KT, MU, N = 100.0, 0.5, 8.0
 
 
-def ended(frames: np.ndarray, states: list[str], friction: list, amplitude: float, tangents: int = 2) -> str:
-    """Reason of an end at which contacts move by an amplitude along their first tangent."""
+def ended(
+    frames: np.ndarray, states: list[str], friction: list, amplitude: float, tangents: int = 2, rigid: str = "xyz"
+) -> str:
+    """Reason of an end at which contacts move by an amplitude along their first tangent, on a body free along axes."""
     count = len(frames)
     laws = {"tangents": tangents, "tangential_stiffness": KT, "normal_stiffness": 1e3, "friction_coefficient": MU}
     places = {"set": np.array(["rail - block"] * count), "frame": frames}
@@ -73,7 +82,9 @@ def ended(frames: np.ndarray, states: list[str], friction: list, amplitude: floa
     last = {"/contacts/state": np.array([[STATES.index(name) for name in states]]), "/contacts/displacement": moved}
     last |= dict(zip(("/contacts/t1_mean", "/contacts/t2_mean"), np.array(friction, dtype=float).T, strict=False))
     constant = {name: np.full(count, value) for name, value in (laws | {"preload": N, "gap": 0.0}).items()}
-    return reason(last, SimpleNamespace(laws=constant, places=places))
+    free = np.eye(3)[["xyz".index(axis) for axis in rigid]]
+    rows = np.concatenate([frame[[*range(tangents), 2]] for frame in frames])
+    return reason(last, SimpleNamespace(laws=constant, places=places), rows @ free.T)
 
 
 def groove() -> np.ndarray:
@@ -123,6 +134,70 @@ def test_a_body_between_faces_across_all_directions_does_not_slide():
     frames = np.array([np.roll(np.eye(3), turns, axis=1) for turns in range(3)])
     said = ended(frames, ["slipping"] * 3, [[1.0, 1.0]] * 3, 0.1)
     assert said == "no step along it converges; 3 of 3 contacts that close come to their limit"
+
+
+def test_directions_without_friction_are_no_slide():
+    """Along y no friction acts: nothing is asked of it there, and it has nothing to give."""
+    frames = np.array([np.eye(3)] * 2)
+    lost = "no step along it converges; 1 of 2 contacts that close come to their limit"
+    assert ended(frames, ["slipping", "stuck"], [[1.0, 0.0], [1.0, 0.0]], 0.0, tangents=1) == lost
+    said = ended(frames, ["slipping", "shaken_down"], [[1.0, 0.0], [MU * N, 0.0]], 0.0, tangents=1)
+    assert said.endswith(f"slide along x: load {1 + MU * N:.4g}, friction at this alternating motion carries at most 5")
+
+
+@pytest.mark.parametrize(("rigid", "slides"), [("", False), ("y", False), ("x", True), ("xy", True)])
+def test_a_body_slides_only_as_far_as_the_structure_lets_it(rigid, slides):
+    frames = np.array([np.eye(3)] * 2)
+    said = ended(frames, ["slipping", "shaken_down"], [[1.0, 0.0], [MU * N, 0.0]], 0.0, rigid=rigid)
+    assert (" slide along x: load 5," in said) == slides
+    assert said.startswith("contact sets rail/block slide" if slides else "no step along it converges")
+    bare = ended(np.full((2, 3, 3), np.nan), ["slipping"] * 2, [[1.0, 0.0]] * 2, 0.1, rigid=rigid)
+    assert bare.startswith("contact sets rail/block slide" if rigid else "no step along it converges")
+
+
+@pytest.mark.parametrize("held", [[], [0], [1], [0, 1]])
+def test_rigid_motions_are_those_that_springs_leave_without_friction(held):
+    job = swept_block(15.0, 2.0)
+    stiffness = np.array(job["model"]["stiffness"])
+    stiffness[held, held] = 1e5
+    job["model"]["stiffness"] = stiffness.tolist()
+    checked = read_job(job)
+    reduced = reduced_scene(checked, build_scene(checked))
+    with Solver(MPI.COMM_SELF, reduced, solver_options(checked, None)) as solver:
+        found = rigid_motions(solver, reduced)
+    expected = np.delete(np.tile([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], (2, 1)), held, axis=1)
+    assert found.shape == expected.shape
+    assert found @ found.T == pytest.approx(expected @ expected.T, abs=1e-6)
+
+
+def test_where_all_contacts_slip_a_body_goes_where_the_load_points():
+    frames = np.array([np.eye(3)] * 2)
+    said = ended(frames, ["slipping"] * 2, [[0.3, -1.5]] * 2, 0.1)
+    load = 2.0 * np.hypot(0.3, 1.5)
+    carries = f"friction at this alternating motion carries at most {load:.4g}"
+    assert said.endswith(f"slide along (0.20, -0.98, 0.00): load {load:.4g}, {carries}")
+
+
+def test_waves_that_are_shorter_than_any_fixed_sampling_do_not_alias():
+    series = np.zeros((1, 2, 601))
+    series[0, 0, 2 * 256 - 1] = 1.0
+    assert np.ptp(over_period(series)[0, 0]) > 1.9
+
+
+def test_what_friction_carries_does_not_depend_on_the_axes_of_the_directions():
+    """Frames that are turned turn the direction that is found, and leave load and capacity."""
+    moved = np.zeros((3, 2, 7))
+    moved[:, 0, 1], moved[:, 1, 2], moved[:, 0, 5] = 0.03, [0.01, 0.02, 0.04], 0.01
+    limit, mean = np.full((3, 64), MU * N), np.array([[1.0, 2.0], [0.5, 3.0], [-0.3, 1.0]])
+    stiffness, holds = np.full(3, KT), np.array([True, True, False])
+    found = []
+    for angle in (0.0, 0.7):
+        turn = np.array([[np.cos(angle), np.sin(angle), 0.0], [-np.sin(angle), np.cos(angle), 0.0], [0.0, 0.0, 1.0]])
+        frames = np.array([turn] * 3)
+        found.append(least_reserve(Closed(frames, stiffness, moved, limit, mean, holds, frames[:, :2])))
+    # Directions are as close as the search leaves them, 0.9 degrees to either side.
+    assert found[1].capacity - found[1].load == pytest.approx(found[0].capacity - found[0].load, rel=1e-2)
+    assert found[1].direction @ turn.T @ found[0].direction > np.cos(0.05)
 
 
 def test_contacts_without_places_say_how_many_hold():

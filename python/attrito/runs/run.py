@@ -174,7 +174,7 @@ class _Run:
         self._finder = Finder(solver, job, progress)
         self.result = job.file(job["output"]["file"])
         self.journal = f"{self.result}.partial"
-        self._ends = BranchEnds(comm, scene)
+        self._ends = BranchEnds(comm, scene, solver, reduced)
         followers = (self._examiner, self._sampler, self._finder, self._ends)
         self.recorder = Recorder(comm, solver, self.journal, followers)
         self.place = RunPosition()
