@@ -12,6 +12,7 @@ from scipy.sparse import block_diag, csr_matrix, diags, identity
 from scipy.sparse.linalg import spsolve
 
 from attrito.importers import import_model
+from attrito.importers.deck_mesh import read_deck_mesh
 from attrito.model.accelerations import rigid_translation
 from attrito.model.held_mass import SharedMass, UnknownMassError, inertia_of, other_mass
 from attrito.model.model import Model
@@ -345,6 +346,32 @@ def test_another_mass_at_points_than_the_matrices_have_is_told(tmp_path, mass):
     errors = SharedMass(model).mass_errors
     whole = 7.8e-9 * 30.0 * 16.0 * 7.0 + float(mass)  # One is held
     assert np.abs(errors - (float(mass) - 1e-6) / whole).min(axis=0) == pytest.approx(0.0, abs=1e-6)
+
+
+# Ids of an instance, as no node or element of the deck's own has them
+INSTANCE = "*ELEMENT, TYPE=MASS, ELSET=P\nPart-1-1.7, Part-1-1.24\n*ELSET, ELSET=Q\nPart-1-1.7\n"
+
+
+@pytest.mark.parametrize(
+    ("points", "expected"),
+    [
+        ("", {}),
+        ("*ELEMENT, TYPE=MASS, ELSET=P\n900, 24\n*MASS, ELSET=P\n1e-6\n", {24: 1e-6}),
+        ("*ELEMENT, TYPE=MASS, ELSET=P\n900, 24\n901, 24\n*MASS, ELSET=P, TYPE=ISOTROPIC\n1e-6\n", {24: 2e-6}),
+        ("*ELEMENT, TYPE=MASS, ELSET=P\n900, 24\n*MASS, ELSET=P, TYPE=ANISOTROPIC\n1e-6, 2e-6, 3e-6\n", None),
+        ("*ELEMENT, TYPE=MASS, ELSET=P\n900, 24\n", None),
+        (f"{INSTANCE}*MASS, ELSET=P\n1e-6\n", None),
+        (f"{INSTANCE}*MASS, ELSET=Q\n1e-6\n", None),
+        (f"*ELEMENT, TYPE=MASS\n900, 24\n{INSTANCE.split(chr(10), 2)[2]}*MASS, ELSET=Q\n1e-6\n", None),
+        (INSTANCE, None),
+        (f"{INSTANCE}*NSET, NSET=near\n1\n*NSET, NSET=near, ELSET=P\n", None),
+    ],
+)
+def test_a_deck_is_read_whatever_it_says_of_masses_at_points(tmp_path, points, expected):
+    (tmp_path / "m.inp").write_text(beam("C3D8") + points)
+    mesh = read_deck_mesh(tmp_path / "m.inp")
+    assert mesh.point_mass == expected
+    assert mesh.density["C3D8"].tolist() == [7.8e-9] * 6
 
 
 POINT = "*ELEMENT, TYPE=MASS, ELSET=P\n900, 30\n*MASS, ELSET=P\n1e-6\n"

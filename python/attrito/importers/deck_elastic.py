@@ -8,6 +8,7 @@ import numpy as np
 
 from attrito.importers.deck import Block
 from attrito.importers.deck_ids import element_ids, element_type, fields, integers, set_members
+from attrito.support.errors import InputError
 from attrito.support.text_files import number
 
 
@@ -44,25 +45,41 @@ def point_masses(blocks: list[Block], known: np.ndarray) -> dict[int, float] | N
     blocks : of the deck
     known : ids of its nodes
     """
-    sets, of_element, found = ElementSets(blocks), dict[int, float](), dict[int, float]()
+    try:
+        of_element = _masses_of_elements(blocks)
+        pairs = [pair for block in blocks for pair in _mass_elements(block).tolist()]
+    except InputError:
+        # Ids of parts and instances, which no mesh has
+        return None
+    if of_element is None or any(element not in of_element or node not in known for element, node in pairs):
+        return None
+    found = dict.fromkeys((node for _, node in pairs), 0.0)
+    for element, node in pairs:
+        found[node] += of_element[element]
+    return found
+
+
+def _masses_of_elements(blocks: list[Block]) -> dict[int, float] | None:
+    """What `*MASS` says of elements, by id; None where it is not one number."""
+    sets, found = ElementSets(blocks, lambda block: _mass_elements(block)[:, 0]), dict[int, float]()
     for block in blocks:
         if block.keyword == "MASS":
             try:
                 mass = number(fields(block.data[0])[0])
             except (ValueError, IndexError):
                 return None
-            if not 0.0 <= mass < np.inf:
+            if not 0.0 <= mass < np.inf or block.parameters.get("TYPE", "ISOTROPIC").upper() != "ISOTROPIC":
                 return None
-            of_element |= dict.fromkeys(sets.members(block.parameters.get("ELSET", "")).tolist(), mass)
-    for block in blocks:
-        if block.keyword == "ELEMENT" and block.data and element_type(block) == "MASS":
-            words = [word for line in block.data for word in fields(line)]
-            nodes = integers(words[1::2], block, "node ids")
-            for element, node in zip(element_ids(block).tolist(), nodes.tolist(), strict=False):
-                if element not in of_element or node not in known:
-                    return None
-                found[node] = found.get(node, 0.0) + of_element[element]
+            found |= dict.fromkeys(sets.members(block.parameters.get("ELSET", "")).tolist(), mass)
     return found
+
+
+def _mass_elements(block: Block) -> np.ndarray:
+    """Element and node `[E, 2]` of a block of masses at points; none of others."""
+    if block.keyword != "ELEMENT" or element_type(block) != "MASS":
+        return np.empty((0, 2), dtype=np.int64)
+    words = [word for line in block.data for word in fields(line)]
+    return integers(words[: len(words) // 2 * 2], block, "element and node ids").reshape(-1, 2)
 
 
 def _of_elements(
@@ -126,9 +143,10 @@ def _constants(lines: list[str]) -> tuple[float, float] | None:
 
 
 class ElementSets:
-    """Sets of elements, which may name others."""
+    """Sets of elements, which may name others; `own` gives the ids of the elements of a block."""
 
-    def __init__(self, blocks: list[Block]):
+    def __init__(self, blocks: list[Block], own: Callable[[Block], np.ndarray] = element_ids):
+        self._own = own
         self._elements: dict[str, list[Block]] = {}
         self._sets: dict[str, list[Block]] = {}
         self._known: dict[str, np.ndarray] = {}
@@ -145,7 +163,7 @@ class ElementSets:
         if name not in self._known:
             # A set that names itself adds nothing.
             self._known[name] = np.empty(0, dtype=np.int64)
-            parts = [element_ids(block) for block in self._elements.get(name, ())]
+            parts = [self._own(block) for block in self._elements.get(name, ())]
             for block in self._sets.get(name, ()):
                 words = {word.upper() for line in block.data for word in fields(line)}
                 inner = {word: self.members(word) for word in words & (self._sets.keys() | self._elements.keys())}

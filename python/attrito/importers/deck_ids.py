@@ -26,12 +26,12 @@ def element_type(block: Block) -> str:
 
 
 def element_ids(block: Block) -> np.ndarray:
-    """Ids of the elements of an `*ELEMENT` block of a type that is read, or of masses at points; none of others."""
+    """Ids of the elements of an `*ELEMENT` block of a type that is read; none of others."""
     kind = element_type(block)
-    if kind not in (*ELEMENT_TYPES, "MASS"):
+    if kind not in ELEMENT_TYPES:
         return np.empty(0, dtype=np.int64)
     words = [word for line in block.data for word in fields(line)]
-    return integers(words[:: 2 if kind == "MASS" else NODES_PER_FAMILY[element_family(kind)] + 1], block, "element ids")
+    return integers(words[:: NODES_PER_FAMILY[element_family(kind)] + 1], block, "element ids")
 
 
 def set_members(block: Block, known: dict[str, np.ndarray], what: str = "node ids or names of sets") -> np.ndarray:
