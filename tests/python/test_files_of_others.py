@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import subprocess
 import sys
@@ -251,6 +252,32 @@ def test_an_empty_file_in_the_place_of_a_journal_stays(tmp_path):
     )
     assert done.returncode == 2 and "result.h5.partial: file = 'not a journal'" in done.stderr
     assert partial.stat().st_ino == before.st_ino and partial.read_bytes() == b""
+
+
+@pytest.mark.parametrize("code", [errno.EPERM, errno.ENOTSUP, errno.ENOSYS])
+def test_a_journal_begins_where_a_file_system_has_no_hard_links(tmp_path, monkeypatch, code):
+    def refuse(source, target):
+        raise OSError(code, os.strerror(code), source, None, target)
+
+    monkeypatch.setattr(os, "link", refuse)
+    path = str(tmp_path / "result.h5.partial")
+    journal = Journal(path)
+    journal.append(Record({"point": 1}))
+    journal.close()
+    assert [record.note for record, _ in read_journal(path)] == [{"point": 1}]
+    assert os.listdir(tmp_path) == ["result.h5.partial"]
+
+
+def test_what_another_process_puts_in_the_place_of_a_journal_stays_without_hard_links(tmp_path, monkeypatch):
+    path = tmp_path / "result.h5.partial"
+
+    def refuse(source, target):
+        path.write_bytes(MAGIC + b"of another run")
+        raise OSError(errno.EPERM, os.strerror(errno.EPERM))
+
+    monkeypatch.setattr(os, "link", refuse)
+    Journal(str(path), len(MAGIC) + 14).close()
+    assert path.read_bytes() == MAGIC + b"of another run"
 
 
 def test_an_empty_mark_makes_a_folder_attritos_only_if_there_is_nothing_else(tmp_path):

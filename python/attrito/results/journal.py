@@ -179,8 +179,15 @@ def _make(path: str) -> None:
             file.write(MAGIC)
             file.flush()
             os.fsync(file.fileno())
-        with contextlib.suppress(FileExistsError):
+        try:
             os.link(new, path)
+        except FileExistsError:
+            pass
+        except OSError:
+            # A file system without hard links: for a moment the file is empty.
+            with contextlib.suppress(FileExistsError), open(path, "xb", buffering=0) as file:
+                file.write(MAGIC)
+                os.fsync(file.fileno())
 
 
 def _open_own(path: str, flags: int) -> int:
