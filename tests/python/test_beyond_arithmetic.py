@@ -110,3 +110,34 @@ def test_a_contact_at_dofs_without_stiffness_and_mass_hides_no_friction(stiffnes
     parts = {"directions": np.eye(2), "stiffness": np.diag([1e4, stiffness]), "mass": np.zeros((2, 2))}
     words = of_stiff_contacts(SimpleNamespace(laws=laws, **parts), 100.0, 1e-10)
     assert said in words and bool(words) == bool(said)
+
+
+def on_a_table(tangential_stiffness: float, hertz: float, tangents: list) -> dict:
+    """One kilogram that lies on a table, of stiffness along its normal alone: its contact holds it, or nothing."""
+    job = against_a_wall(tangential_stiffness)
+    job["contact"][0]["tangents"] = tangents
+    job["model"] = {"mass": np.eye(3).tolist(), "stiffness": np.diag([0.0, 2.5e6, 0.0]).tolist()}
+    job["damping"] = {"ratio": 0.01}
+    job["load"][1] = {"kind": "harmonic", "cosine": [[0, 3.5]]}
+    return job | {"sweep": {"frequencies_hz": [hertz]}}
+
+
+@pytest.mark.parametrize("tangents", [[[[0, 1.0]]], [[[0, 1.0]], [[2, 1.0]]]])
+@pytest.mark.parametrize("hertz", [1e-5, 1e-2])
+def test_a_body_that_only_its_contact_holds_is_solved_at_any_frequency(tmp_path: Path, hertz, tangents):
+    """Next to 0 Hz any contact is stiffer than inertia by more than numbers have digits, and nothing is lost."""
+    job = on_a_table(3e5, hertz, tangents)
+    if len(tangents) == 1:
+        job["model"] = {name: np.array(job["model"][name])[:2, :2].tolist() for name in ("mass", "stiffness")}
+    run(tmp_path, job)
+    with h5py.File(tmp_path / "result.h5") as file:
+        assert ("as stiff as the inertia of what only they hold" in file.attrs["warnings"]) == (hertz == 1e-5)
+        assert file["monitors/x/amplitude"][:] == pytest.approx(3.5 / 3e5, rel=1e-9)
+
+
+def test_a_structure_whose_springs_a_contact_hides_is_refused_next_to_zero_frequency(tmp_path, capfd):
+    """Springs of 2e-9 along x are more than what rounds in this body, and nothing beside the contact."""
+    job = on_a_table(3e5, 1e-5, [[[0, 1.0]], [[2, 1.0]]])
+    job["model"]["stiffness"][0][0] = job["model"]["stiffness"][2][2] = 2e-9
+    done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, job))
+    assert done.returncode == 2 and "times as stiff as the structure at them" in done.stderr

@@ -39,7 +39,7 @@ from attrito.scene.friction_margin import friction_margin, warning
 from attrito.scene.reduced_model import make_rom, reduced_scene
 from attrito.scene.scene import Scene
 from attrito.scene.solver_options import solver_options
-from attrito.scene.stiff_contacts import highest_hz, of_stiff_contacts
+from attrito.scene.stiff_contacts import highest_hz, of_hidden_inertia, of_stiff_contacts
 from attrito.support.atomic_files import whole_hdf5
 from attrito.support.errors import InputError, NumericsError, UnsolvedError
 from attrito.support.locks import writing_alone
@@ -119,7 +119,7 @@ def _solve(
     with Solver(comm, reduced, options) as solver:
         # Of a structure that is held, as the solver has found by now.
         margin = on_root(comm, lambda: friction_margin(reduced))
-        warnings += on_root(comm, lambda: cautions.of_damping(reduced))
+        warnings += on_root(comm, lambda: cautions.of_damping(reduced) + of_hidden_inertia(reduced, highest_hz(job)))
         if (wedges := warning(margin)) is not None:
             warnings.append(wedges)
         progress.warn(warnings)
