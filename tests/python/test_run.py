@@ -10,7 +10,9 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from jobs import attrito, blocks, by_pressure, chain, run, table, wedge, write_blocks, write_job
+from jobs import attrito, attrito_here, blocks, by_pressure, chain, run, table, wedge, write_blocks, write_job
+
+from attrito.support.errors import InputError
 
 POINT_COLUMNS = (
     "point,branch,frequency_hz,converged,outcome,stable,unique,period,iterations,estimate,"
@@ -238,6 +240,27 @@ def test_a_rerun_replaces_the_result_only_when_it_is_complete(tmp_path):
     # A new file took the old one's name: nobody ever read half of one.
     assert (tmp_path / "result.h5").stat().st_ino != identity
     assert not list(tmp_path.glob("*.partial"))
+
+
+@pytest.mark.parametrize("quiet", ["", "1"])
+@pytest.mark.parametrize("fault", [InputError("spoilt"), OSError("gone")])
+def test_a_complete_run_does_not_fail_because_its_result_cannot_be_read_again(
+    tmp_path, monkeypatch, capfd, fault, quiet
+):
+    """What is said of the peaks is read from the file, and not at all if nobody reads it."""
+    asked = []
+
+    def refuse(result):
+        asked.append(result.path)
+        raise fault
+
+    monkeypatch.setattr("attrito.runs.run.answer", refuse)
+    monkeypatch.setenv("ATTRITO_QUIET", quiet)
+    done = attrito_here(tmp_path, capfd, "run", write_job(tmp_path, wedge()))
+    assert done.returncode == 0, done.stderr
+    assert bool(asked) != bool(quiet)
+    assert "Result: result.h5" in done.stdout
+    assert (tmp_path / "result.h5").exists()
 
 
 def test_a_result_goes_to_the_folder_named_beside_the_job(tmp_path):

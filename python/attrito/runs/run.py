@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import shlex
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -46,6 +47,7 @@ from attrito.support.locks import writing_alone
 from attrito.support.parallel import on_root, on_root_only
 from attrito.support.stop_signals import Stop
 from attrito.support.timing import Stages
+from attrito.support.verbosity import is_quiet
 
 if TYPE_CHECKING:
     from mpi4py.MPI import Comm
@@ -296,9 +298,12 @@ class _Run:
 
 
 def _answer(result: str) -> list[str]:
-    """The peaks of a result, in lines."""
-    with Result(result) as file:
+    """The peaks of a result, in lines; none if nobody reads them, or if the file that is complete cannot be read."""
+    if is_quiet():
+        return []
+    with contextlib.suppress(InputError, OSError), Result(result) as file:
         return answer(file)
+    return []
 
 
 def _start(job: Job, scene: ReducedScene) -> StoredPoint | None:
