@@ -155,19 +155,50 @@ def test_a_body_slides_only_as_far_as_the_structure_lets_it(rigid, slides):
     assert bare.startswith("contact sets rail/block slide" if rigid else "no step along it converges")
 
 
+def rigid_motions_of(job: Job) -> np.ndarray:
+    """Those that a run of a job finds."""
+    checked = read_job(job)
+    reduced = reduced_scene(checked, build_scene(checked))
+    with Solver(MPI.COMM_SELF, reduced, solver_options(checked, None)) as solver:
+        return rigid_motions(solver, reduced)
+
+
 @pytest.mark.parametrize("held", [[], [0], [1], [0, 1]])
 def test_rigid_motions_are_those_that_springs_leave_without_friction(held):
     job = swept_block(15.0, 2.0)
     stiffness = np.array(job["model"]["stiffness"])
     stiffness[held, held] = 1e5
     job["model"]["stiffness"] = stiffness.tolist()
-    checked = read_job(job)
-    reduced = reduced_scene(checked, build_scene(checked))
-    with Solver(MPI.COMM_SELF, reduced, solver_options(checked, None)) as solver:
-        found = rigid_motions(solver, reduced)
+    found = rigid_motions_of(job)
     expected = np.delete(np.tile([[1.0, 0.0], [0.0, 1.0], [0.0, 0.0]], (2, 1)), held, axis=1)
     assert found.shape == expected.shape
     assert found @ found.T == pytest.approx(expected @ expected.T, abs=1e-6)
+
+
+@pytest.mark.parametrize("hub", [0.0, 1e5])
+@pytest.mark.parametrize("engine_order", [0, 2])
+def test_a_wheel_that_nothing_holds_turns_whatever_drives_it(hub, engine_order):
+    """Masses tied by chords turn as one: against the ground, and not against each other."""
+    own, stretch = (
+        np.diag([1.0, 1.0, 0.0, 0.0]),
+        np.array([np.sin(0.2 * np.pi), -np.cos(0.2 * np.pi)] * 2) * [1, 1, 1, -1],
+    )
+    law = {"tangential_stiffness": KT, "normal_stiffness": KT, "friction_coefficient": MU, "preload": N}
+    job = {
+        "model": {"mass": own.tolist(), "stiffness": (hub * own + 1e5 * np.outer(stretch, stretch)).tolist()},
+        "cyclic": {"sectors": 5, "engine_order": engine_order, "lower": [0, 1], "upper": [2, 3]},
+        "contact": [
+            {"normal": [[0, 1.0]], "tangents": [tangent], **law} for tangent in ([[1, 1.0]], [[1, 1.0], [3, -1.0]])
+        ],
+        "load": [{"kind": "harmonic", "cosine": [[0, 1.0]]}],
+        "sweep": {"frequencies_hz": [24.0]},
+        "output": {"file": "result.h5", "monitors": [{"name": "out", "dofs": [[0, 1.0]]}]},
+    }
+    found = rigid_motions_of(job)
+    assert found.shape == (4, 0 if hub else 1)
+    if not hub:
+        assert abs(found[0, 0]) > 0.1
+        assert found[1:, 0] == pytest.approx(0.0, abs=1e-6)
 
 
 def test_where_all_contacts_slip_a_body_goes_where_the_load_points():
