@@ -155,25 +155,33 @@ contains
     !> [count]
     real(wp) :: motion(size(right))
     real(wp), allocatable :: normal_part(:), motions(:, :), matrix(:, :), answer(:, :)
-    real(wp) :: whole(size(right), size(right))
-    integer :: i, slides, info
+    integer :: slides, info
 
     motion = 0.0_wp
+    if (maxval(abs(sums(:, :, 2))) <= 0.0_wp) return
     ! Motions that no contact feels slide, too: a rounding of the rest holds them.
-    whole = sums(:, :, 2)
-    do i = 1, self%count
-      whole(i, i) = whole(i, i) + no_part*maxval([tiny(1.0_wp), abs(sums(:, :, 2))])
-    end do
-    call symmetric_eigenpairs(sums(:, :, 1), whole, normal_part, motions, info)
+    call symmetric_eigenpairs(sums(:, :, 1), held_by_rounding(sums(:, :, 2)), normal_part, motions, info)
     if (info /= 0) return
     slides = count(normal_part <= no_part)
     if (slides == 0) return
-    matrix = matmul(transpose(motions(:, :slides)), matmul(sums(:, :, 3), motions(:, :slides)))
-    do i = 1, slides
-      matrix(i, i) = matrix(i, i) + no_part*maxval([tiny(1.0_wp), abs(matrix)])
-    end do
-    answer = reshape(matmul(right, motions(:, :slides)), [slides, 1])
+    motions = motions(:, :slides)
+    matrix = matmul(transpose(motions), matmul(held_by_rounding(sums(:, :, 3)), motions))
+    answer = reshape(matmul(right, motions), [slides, 1])
     call solve_dense(matrix, answer, info)
-    if (info == 0) motion = matmul(motions(:, :slides), answer(:, 1))
+    if (info == 0) motion = matmul(motions, answer(:, 1))
   end function slide_with
+
+  !> A matrix with a spring of its largest entry's rounding along every motion.
+  pure function held_by_rounding(matrix) result(held)
+    !> Symmetric [n, n]
+    real(wp), intent(in) :: matrix(:, :)
+    !> [n, n]
+    real(wp) :: held(size(matrix, 1), size(matrix, 2))
+    integer :: i
+
+    held = matrix
+    do i = 1, size(matrix, 1)
+      held(i, i) = held(i, i) + no_part*maxval(abs(matrix))
+    end do
+  end function held_by_rounding
 end module attrito_linear_rigid_body_modes
