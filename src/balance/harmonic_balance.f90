@@ -113,7 +113,6 @@ module attrito_balance_harmonic_balance
     procedure :: respond_to_active
     procedure :: residual_omega
     procedure :: imbalance
-    procedure :: slide_in
     procedure :: beside_slide
     procedure :: remove_drift
     procedure :: slip_radii, largest_slip_radius
@@ -390,22 +389,21 @@ contains
     real(wp), intent(in) :: change(:)
     !> [rows]
     real(wp) :: held(size(change)), sums(self%free%count, self%free%count, 3), right(self%free%count)
-    logical :: closes(size(change)), is_normal(size(change))
-    integer :: i
+    real(wp) :: forced(size(change), self%free%count)
+    logical :: closes(size(change))
+    integer :: normal(size(self%law)), i
 
-    is_normal = .false.
     do i = 1, size(self%law)
-      associate (first => self%law(i)%first_row, last => self%law(i)%first_row + self%law(i)%tangents)
-        closes(first:last) = self%forces(i)%state /= state_open
-        is_normal(last) = .true.
-      end associate
+      normal(i) = self%law(i)%first_row + self%law(i)%tangents
+      closes(self%law(i)%first_row:normal(i)) = self%forces(i)%state /= state_open
     end do
     held = merge(change, 0.0_wp, closes)
     associate (free => self%free, first_row => self%first_row, last_row => self%first_row + size(change) - 1)
-      associate (motions => free%rows(first_row:last_row, :), forced => free%held_rows(first_row:last_row, :))
-        sums(:, :, 1) = matmul(transpose(forced), spread(merge(1.0_wp, 0.0_wp, closes .and. is_normal), 2, free%count)*forced)
-        sums(:, :, 2) = matmul(transpose(forced), spread(merge(1.0_wp, 0.0_wp, closes), 2, free%count)*forced)
-        sums(:, :, 3) = matmul(transpose(motions), spread(merge(1.0_wp, 0.0_wp, closes), 2, free%count)*forced)
+      associate (motions => free%rows(first_row:last_row, :))
+        forced = spread(merge(1.0_wp, 0.0_wp, closes), 2, free%count)*free%held_rows(first_row:last_row, :)
+        sums(:, :, 1) = matmul(transpose(forced(normal, :)), forced(normal, :))
+        sums(:, :, 2) = matmul(transpose(forced), forced)
+        sums(:, :, 3) = matmul(transpose(motions), forced)
         right = matmul(held, forced)
         do i = 1, size(sums, 3)
           call self%ranks%sum(sums(:, :, i))

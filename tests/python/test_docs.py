@@ -381,19 +381,25 @@ def test_the_table_of_fallback_strategies_has_all_of_them_in_their_order_and_who
         assert f"| `{name}` | {' | '.join(words)} |" in (ROOT / "docs/explanation/strategies.md").read_text()
 
 
-def test_the_first_screens_fit_and_their_python_runs(tmp_path):
-    text = (ROOT / "README.md").read_text()
-    assert len(text.splitlines()) <= 80 and max(map(len, text.splitlines())) <= 100
-    [code] = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+def ran(code: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run Python as a reader would who copies it out of a page."""
     done = subprocess.run(
         [sys.executable, "-c", code],
-        cwd=tmp_path,
+        cwd=folder,
         env=os.environ | ENVIRONMENT,
         capture_output=True,
         text=True,
         timeout=TIMEOUT,
     )
     assert done.returncode == 0, done.stderr
+    return done
+
+
+def test_the_first_screens_fit_and_their_python_runs(tmp_path):
+    text = (ROOT / "README.md").read_text()
+    assert len(text.splitlines()) <= 80 and max(map(len, text.splitlines())) <= 100
+    [code] = re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL)
+    done = ran(code, tmp_path)
     assert done.stdout.splitlines()[-1] in text and "Warning" not in done.stderr
     # A curve a level
     for place in (0.0, 0.5, 1.0):
@@ -403,15 +409,7 @@ def test_the_first_screens_fit_and_their_python_runs(tmp_path):
 def test_the_plain_residual_of_the_explanation_agrees_with_attrito(tmp_path):
     text = (ROOT / "docs" / "explanation" / "harmonic-balance.md").read_text()
     code = "\n".join(re.findall(r"```python\n(.*?)```", text, flags=re.DOTALL))
-    done = subprocess.run(
-        [sys.executable, "-c", code],
-        cwd=tmp_path,
-        env=os.environ | ENVIRONMENT,
-        capture_output=True,
-        text=True,
-        timeout=TIMEOUT,
-    )
-    assert done.returncode == 0, done.stderr
+    done = ran(code, tmp_path)
     printed = [line for line in done.stdout.splitlines() if line.startswith("amplitude of x")]
     assert len(printed) == 2 and printed[0] == printed[1] and text.count(f"# {printed[0]}") == 2
 
